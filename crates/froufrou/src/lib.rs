@@ -1,0 +1,22 @@
+//! Froufrou turns motion into sound.
+//!
+//! The modules are the stages of one pipeline, named after what flows through it:
+//!
+//! ```text
+//! scene ─► motion ─► score ─► synth ─► space ─► render
+//!            corpus ──▲────────▲
+//! ```
+#![forbid(unsafe_code)]
+#![warn(missing_docs)]
+
+pub mod corpus;
+pub mod error;
+pub mod motion;
+pub mod random;
+pub mod render;
+pub mod scene;
+pub mod score;
+pub mod space;
+pub mod synth;
+
+pub use error::{Error, Place, Result};

@@ -1,0 +1,1 @@
+//! What happens: frames in, events out.

@@ -1,0 +1,1 @@
+//! The driver: pulls blocks through all stages into files.

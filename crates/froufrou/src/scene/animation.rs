@@ -1,0 +1,132 @@
+//! What every reader of animation files gives: objects that have a transform, and perhaps a mesh or
+//! a camera, at any time that is asked for.
+//!
+//! Readers hold the index of a file in memory and fetch samples as they are asked for, so that a
+//! file of any length is read in the memory of a few frames.
+
+use crate::Result;
+
+/// A local-to-world transform, row-major, for column vectors: `world = m * [x, y, z, 1]`, so that
+/// the translation is `m[0][3], m[1][3], m[2][3]`, in metres.
+pub type Transform = [[f64; 4]; 4];
+
+/// A polygon mesh at one moment, in world space, metres, Y up.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Mesh {
+    /// Vertex positions in metres.
+    pub positions: Vec<[f32; 3]>,
+    /// The vertex indices of all faces, one face after another.
+    pub face_vertices: Vec<u32>,
+    /// The number of vertices of each face.
+    pub face_sizes: Vec<u32>,
+}
+
+/// What an object of an animation is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ObjectKind {
+    /// A transform alone: an empty, a group, a locator.
+    Transform,
+    /// A polygon mesh.
+    Mesh,
+    /// A camera: it looks along its local −Z, its up is +Y.
+    Camera,
+    /// Anything else (curves, points, lights); only its transform can be asked for.
+    Other,
+}
+
+/// How an object's mesh changes in time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Topology {
+    /// No mesh.
+    None,
+    /// Nothing changes but the transform.
+    Constant,
+    /// Vertices move, faces stay.
+    Homogeneous,
+    /// Faces and vertex counts may change.
+    Heterogeneous,
+}
+
+/// The times at which something has samples, ascending, in seconds.
+#[derive(Debug, Clone, PartialEq)]
+pub enum KeyTimes {
+    /// It never changes.
+    Static,
+    /// `count` samples from `start_s`, `step_s` apart.
+    Uniform {
+        /// Time of the first sample.
+        start_s: f64,
+        /// Distance between samples, above 0.
+        step_s: f64,
+        /// Number of samples, at least 2.
+        count: usize,
+    },
+    /// Listed one by one.
+    Listed(std::sync::Arc<[f64]>),
+}
+
+impl KeyTimes {
+    /// The number of samples; 0 for what never changes.
+    pub fn len(&self) -> usize {
+        match self {
+            KeyTimes::Static => 0,
+            KeyTimes::Uniform { count, .. } => *count,
+            KeyTimes::Listed(times) => times.len(),
+        }
+    }
+
+    /// True for what never changes.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The time of sample `index` in seconds, for `index < len()`.
+    pub fn get(&self, index: usize) -> Option<f64> {
+        match self {
+            KeyTimes::Static => None,
+            KeyTimes::Uniform { start_s, step_s, count } => (index < *count).then(|| start_s + index as f64 * step_s),
+            KeyTimes::Listed(times) => times.get(index).copied(),
+        }
+    }
+
+    /// First and last time, where there are samples.
+    pub fn span_s(&self) -> Option<(f64, f64)> {
+        Some((self.get(0)?, self.get(self.len().checked_sub(1)?)?))
+    }
+}
+
+/// One object of an animation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObjectInfo {
+    /// Its path in the file, such as `/Armature/Body`.
+    pub path: String,
+    /// What it is.
+    pub kind: ObjectKind,
+    /// How its mesh changes.
+    pub topology: Topology,
+    /// When it has samples: those of its own and of every transform above it together.
+    pub key_times: KeyTimes,
+}
+
+/// An opened animation file of any format.
+///
+/// Times are the file's own clock in seconds. Before the first and after the last sample the world
+/// stands still. Between samples positions are interpolated linearly and rotations of transforms
+/// spherically.
+pub trait Animation: Send + Sync {
+    /// Every object, parents before children.
+    fn objects(&self) -> &[ObjectInfo];
+
+    /// Where an object is at a time.
+    ///
+    /// # Errors
+    /// A sample that cannot be read.
+    fn transform(&self, object: usize, time_s: f64) -> Result<Transform>;
+
+    /// An object's mesh at a time, in world space, into a buffer that is reused between calls.
+    /// Between two samples of differing topology the earlier one is given.
+    ///
+    /// # Errors
+    /// An object without a mesh, or a sample that cannot be read.
+    fn mesh(&self, object: usize, time_s: f64, mesh: &mut Mesh) -> Result<()>;
+}

@@ -1,0 +1,3 @@
+//! What is in the world: files in; objects, tracks, materials and listeners out, moment by moment.
+
+pub mod animation;

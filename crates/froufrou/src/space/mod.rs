@@ -1,0 +1,1 @@
+//! What reaches each microphone: positions in, gains and delays out.

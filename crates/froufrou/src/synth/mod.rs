@@ -1,0 +1,1 @@
+//! What the signal is: threads in, samples out, block by block.
