@@ -84,7 +84,9 @@ impl KeyTimes {
     pub fn get(&self, index: usize) -> Option<f64> {
         match self {
             KeyTimes::Static => None,
-            KeyTimes::Uniform { start_s, step_s, count } => (index < *count).then(|| start_s + index as f64 * step_s),
+            KeyTimes::Uniform { start_s, step_s, count } => {
+                (index < *count).then(|| start_s + index as f64 * step_s)
+            }
             KeyTimes::Listed(times) => times.get(index).copied(),
         }
     }
