@@ -1,1 +1,6 @@
 //! What the signal is: threads in, samples out, block by block.
+
+pub mod mixer;
+pub mod path;
+pub mod sinc;
+pub mod voice;

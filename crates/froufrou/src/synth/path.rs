@@ -1,0 +1,373 @@
+//! The way of a thread's sound into one channel: from arrival time back to emission time.
+//!
+//! A score gives the delay of a path at emission times. An image-space renderer (Takala & Hahn 1992,
+//! §6.2) needs the inverse: for each output sample, when the sound that arrives there left its
+//! source. So the keys are mapped through t' = t + delay(t), and the delay is interpolated over t'.
+//!
+//! The delay is interpolated by cubic Hermite segments whose slopes come from the parabola through
+//! three neighbouring keys, so that its rate of change, which is the pitch, is continuous. Where
+//! keys would make time stand still or run backwards between them, the slopes are limited (Fritsch
+//! & Carlson 1980). The gain is linear between keys, to which the ear is indifferent.
+
+/// Seconds over which a path fades out where it is cut off, and in where it begins within a sound.
+pub const FADE_S: f64 = 0.010;
+
+/// Emission seconds an arrival second may hold, and its inverse: beyond, two keys are not joined by
+/// any motion that a sound could follow, and the source is taken to have jumped between them.
+const RATE_LIMIT: f64 = 8.0;
+
+/// One key of a path.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PathKey {
+    /// When the sound leaves, in seconds.
+    pub emission_s: f64,
+    /// How long it is under way.
+    pub delay_s: f64,
+    /// Pressure gain.
+    pub gain: f64,
+}
+
+impl PathKey {
+    /// When the sound arrives, in seconds.
+    pub fn arrival_s(&self) -> f64 {
+        self.emission_s + self.delay_s
+    }
+}
+
+/// Where a stretch of a path fades, in emission time; infinite where it does not.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fades {
+    /// The fade in begins here and takes [`FADE_S`].
+    pub in_s: f64,
+    /// The fade out begins here and takes [`FADE_S`].
+    pub out_s: f64,
+}
+
+impl Fades {
+    /// No fade at all.
+    pub const NONE: Fades = Fades { in_s: f64::NEG_INFINITY, out_s: f64::INFINITY };
+
+    /// The gain at an emission time. A fade out and a fade in at one time sum to 1.
+    pub fn gain(&self, emission_s: f64) -> f64 {
+        let rise = |begin_s: f64| {
+            let x = ((emission_s - begin_s) / FADE_S).clamp(0.0, 1.0);
+            0.5 - 0.5 * (std::f64::consts::PI * x).cos()
+        };
+        let faded_in = if emission_s < self.in_s + FADE_S { rise(self.in_s) } else { 1.0 };
+        let faded_out = if emission_s > self.out_s { 1.0 - rise(self.out_s) } else { 1.0 };
+        faded_in * faded_out
+    }
+}
+
+/// A path between two keys.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Segment {
+    /// First arrival time, inclusive.
+    pub begin_s: f64,
+    /// Last arrival time, exclusive.
+    pub end_s: f64,
+    /// Delay at the beginning and at the end.
+    pub delay_s: [f64; 2],
+    /// Rate of change of the delay over arrival time at the beginning and at the end.
+    pub slope: [f64; 2],
+    /// Gain at the beginning and at the end.
+    pub gain: [f64; 2],
+    /// Where it fades.
+    pub fades: Fades,
+}
+
+/// A path at one arrival time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moment {
+    /// How long the sound that arrives has been under way.
+    pub delay_s: f64,
+    /// Seconds of the source heard in a second: the Doppler factor.
+    pub rate: f64,
+    /// Pressure gain, fades left out.
+    pub gain: f64,
+}
+
+impl Segment {
+    /// True where the delay stands still, so that the sound arrives as it left.
+    pub fn is_still(&self) -> bool {
+        self.slope == [0.0; 2] && self.delay_s[0] == self.delay_s[1]
+    }
+
+    /// The path at an arrival time within the segment.
+    #[inline(always)]
+    pub fn at(&self, arrival_s: f64) -> Moment {
+        let length = self.end_s - self.begin_s;
+        let u = (arrival_s - self.begin_s) / length;
+        let [d0, d1] = self.delay_s;
+        let (m0, m1) = (self.slope[0] * length, self.slope[1] * length);
+        // d(u) = d0 + u (m0 + u (c2 + u c3)), the Hermite cubic in Horner's form.
+        let rise = d1 - d0;
+        let (c2, c3) = (3.0 * rise - 2.0 * m0 - m1, m0 + m1 - 2.0 * rise);
+        Moment {
+            delay_s: d0 + u * (m0 + u * (c2 + u * c3)),
+            rate: 1.0 - (m0 + u * (2.0 * c2 + u * 3.0 * c3)) / length,
+            gain: self.gain[0] + u * (self.gain[1] - self.gain[0]),
+        }
+    }
+}
+
+/// Makes segments from keys as they come. A segment is known once the key behind its end is.
+#[derive(Debug, Clone)]
+pub struct PathBuilder {
+    /// The keys since the path began or jumped, the last three at most.
+    keys: [PathKey; 3],
+    count: usize,
+    /// Slope at the second-last key.
+    slope: f64,
+    fades: Fades,
+    /// Seconds by which the first segment reaches back before the first key.
+    lead_s: f64,
+}
+
+impl PathBuilder {
+    /// A path that begins at a key. `lead_s` is how far before it the sound already has something to
+    /// say (the resampling kernel looks ahead of a sharp onset).
+    pub fn new(key: PathKey, fades_in: bool, lead_s: f64) -> Self {
+        let in_s = if fades_in { key.emission_s } else { f64::NEG_INFINITY };
+        Self {
+            keys: [key; 3],
+            count: 1,
+            slope: 0.0,
+            fades: Fades { in_s, out_s: f64::INFINITY },
+            lead_s: if fades_in { 0.0 } else { lead_s },
+        }
+    }
+
+    /// The last key.
+    pub fn last(&self) -> PathKey {
+        self.keys[(self.count - 1).min(2)]
+    }
+
+    /// The arrival time up to which the path is known, whatever keys may follow.
+    pub fn known_s(&self) -> f64 {
+        if self.count < 3 { self.keys[0].arrival_s() - self.lead_s } else { self.keys[1].arrival_s() }
+    }
+
+    /// The path goes on through a key. Segments that have become known are given to `emit`.
+    pub fn key(&mut self, key: PathKey, emit: &mut impl FnMut(Segment)) {
+        let last = self.last();
+        let (emission, arrival) = (key.emission_s - last.emission_s, key.arrival_s() - last.arrival_s());
+        if emission <= 0.0 && arrival <= 0.0 {
+            return;
+        }
+        // Written so that a rate that is not a number is also out of limits.
+        if arrival > 0.0 && emission > 0.0 && (1.0 / RATE_LIMIT..=RATE_LIMIT).contains(&(emission / arrival))
+        {
+            self.push(key, emit);
+        } else {
+            self.jump(key, emit);
+        }
+    }
+
+    /// The path is suddenly at a key: what led here, held since the last key, fades out while what
+    /// follows fades in.
+    pub fn jump(&mut self, key: PathKey, emit: &mut impl FnMut(Segment)) {
+        self.end(PathKey { emission_s: key.emission_s, ..self.last() }, emit);
+        *self = Self::new(key, true, 0.0);
+    }
+
+    /// The path ends at a key: it goes on as it does there for as long as the sound fades out.
+    pub fn end(&mut self, key: PathKey, emit: &mut impl FnMut(Segment)) {
+        if key.emission_s > self.last().emission_s {
+            self.key(key, emit);
+        }
+        let slope = match (self.count, self.keys) {
+            (1, _) => {
+                self.lead(emit);
+                0.0
+            }
+            (2, [a, b, _]) => {
+                self.slope = secant(a, b);
+                self.lead(emit);
+                emit(self.segment(a, b, [self.slope; 2]));
+                self.slope
+            }
+            (_, [a, b, c]) => {
+                let slope = end_slope(c, b, a);
+                emit(self.segment(b, c, [self.slope, slope]));
+                slope
+            }
+        };
+        let last = self.last();
+        let length_s = FADE_S / (1.0 - slope).max(1.0 / RATE_LIMIT);
+        emit(Segment {
+            begin_s: last.arrival_s(),
+            end_s: last.arrival_s() + length_s,
+            delay_s: [last.delay_s, last.delay_s + slope * length_s],
+            slope: [slope; 2],
+            gain: [last.gain; 2],
+            fades: Fades { out_s: last.emission_s, ..self.fades },
+        });
+    }
+
+    fn push(&mut self, key: PathKey, emit: &mut impl FnMut(Segment)) {
+        if self.count >= 3 {
+            self.keys.rotate_left(1);
+        }
+        self.keys[self.count.min(2)] = key;
+        self.count += 1;
+        if self.count >= 3 {
+            let [a, b, c] = self.keys;
+            if self.count == 3 {
+                self.slope = end_slope(a, b, c);
+                self.lead(emit);
+            }
+            let slope = middle_slope(a, b, c);
+            emit(self.segment(a, b, [self.slope, slope]));
+            self.slope = slope;
+        }
+    }
+
+    /// What comes before the first key: the path went on as it does there.
+    fn lead(&self, emit: &mut impl FnMut(Segment)) {
+        if self.lead_s > 0.0 {
+            let first = self.keys[0];
+            let end_s = first.arrival_s();
+            emit(Segment {
+                begin_s: end_s - self.lead_s,
+                end_s,
+                delay_s: [first.delay_s - self.slope * self.lead_s, first.delay_s],
+                slope: [self.slope; 2],
+                gain: [first.gain; 2],
+                fades: self.fades,
+            });
+        }
+    }
+
+    fn segment(&self, a: PathKey, b: PathKey, slope: [f64; 2]) -> Segment {
+        Segment {
+            begin_s: a.arrival_s(),
+            end_s: b.arrival_s(),
+            delay_s: [a.delay_s, b.delay_s],
+            slope,
+            gain: [a.gain, b.gain],
+            fades: self.fades,
+        }
+    }
+}
+
+fn secant(a: PathKey, b: PathKey) -> f64 {
+    (b.delay_s - a.delay_s) / (b.arrival_s() - a.arrival_s())
+}
+
+/// Slope at the middle of three keys, of the parabola through them.
+fn middle_slope(a: PathKey, b: PathKey, c: PathKey) -> f64 {
+    let (left, right) = (b.arrival_s() - a.arrival_s(), c.arrival_s() - b.arrival_s());
+    let (before, after) = (secant(a, b), secant(b, c));
+    limit((before * right + after * left) / (left + right), before.max(after))
+}
+
+/// Slope at the first of three keys, of the parabola through them.
+fn end_slope(a: PathKey, b: PathKey, c: PathKey) -> f64 {
+    let (near, far) = (b.arrival_s() - a.arrival_s(), c.arrival_s() - a.arrival_s());
+    let (first, both) = (secant(a, b), secant(a, c));
+    limit(first + (first - both) * near / (far - near), first)
+}
+
+/// Keeps emission time rising: its slope, 1 − `slope`, stays between 0 and three times that of the
+/// slower neighbouring secant (Fritsch & Carlson 1980).
+fn limit(slope: f64, steepest: f64) -> f64 {
+    1.0 - (1.0 - slope).clamp(0.0, 3.0 * (1.0 - steepest).max(0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn segments(keys: &[PathKey]) -> Vec<Segment> {
+        let mut found = Vec::new();
+        let mut path = PathBuilder::new(keys[0], false, 0.0);
+        for &key in &keys[1..keys.len() - 1] {
+            path.key(key, &mut |s| found.push(s));
+        }
+        path.end(keys[keys.len() - 1], &mut |s| found.push(s));
+        found
+    }
+
+    fn key(emission_s: f64, delay_s: f64) -> PathKey {
+        PathKey { emission_s, delay_s, gain: 1.0 }
+    }
+
+    #[test]
+    fn segments_join_and_are_smooth() {
+        let keys: Vec<_> =
+            (0..40).map(|i| f64::from(i) * 0.02).map(|t| key(t, 0.1 + 0.02 * (7.0 * t).sin())).collect();
+        let segments = segments(&keys);
+        assert_eq!(segments.len(), 40);
+        for pair in segments.windows(2) {
+            assert_eq!(pair[0].end_s, pair[1].begin_s);
+            let (left, right) = (pair[0].at(pair[0].end_s), pair[1].at(pair[1].begin_s));
+            assert!((left.delay_s - right.delay_s).abs() < 1e-15);
+            assert!((left.rate - right.rate).abs() < 1e-12);
+        }
+        // The keys are met: what arrives at t + delay left at t.
+        for key in &keys {
+            let segment = segments.iter().find(|s| (s.begin_s..s.end_s).contains(&key.arrival_s())).unwrap();
+            assert!((segment.at(key.arrival_s()).delay_s - key.delay_s).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn a_delay_that_grows_steadily_is_met_exactly() {
+        // delay = 0.1 + t/10: a source that recedes at a tenth of the speed of sound, f' = f / 1.1.
+        let keys: Vec<_> = [0.0, 0.3, 0.35, 1.0].map(|t| key(t, 0.1 + 0.1 * t)).to_vec();
+        for segment in &segments(&keys) {
+            for part in [0.0, 0.3, 0.9] {
+                let moment = segment.at(segment.begin_s + part * (segment.end_s - segment.begin_s));
+                assert!((moment.rate - 1.0 / 1.1).abs() < 1e-12, "{moment:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_still_path_is_exactly_still() {
+        let keys: Vec<_> = [0.0, 0.1, 0.3, 2.0].map(|t| key(t, 0.017)).to_vec();
+        assert!(segments(&keys).iter().all(|s| s.is_still() && s.at(s.begin_s + 0.01).rate == 1.0));
+    }
+
+    #[test]
+    fn time_never_runs_backwards() {
+        // An abrupt change from receding near the limit to approaching near it.
+        let keys = [key(0.0, 0.1), key(0.1, 0.4), key(0.2, 0.32), key(0.3, 0.9), key(0.4, 0.9)];
+        for segment in segments(&keys) {
+            for step in 0..100 {
+                let moment =
+                    segment.at(segment.begin_s + f64::from(step) / 100.0 * (segment.end_s - segment.begin_s));
+                assert!(moment.rate >= -1e-9, "{segment:?} {moment:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_no_motion_joins_is_a_jump_and_cross_fades() {
+        let keys = [key(0.0, 0.2), key(0.1, 0.2), key(0.2, 0.01), key(0.3, 0.01)];
+        let segments = segments(&keys);
+        let weight = |emission: f64| {
+            // Each emission instant arrives along the old way and the new; the gains sum to 1.
+            segments
+                .iter()
+                .filter(|s| {
+                    s.is_still() && s.begin_s - s.delay_s[0] <= emission && emission < s.end_s - s.delay_s[0]
+                })
+                .map(|s| s.fades.gain(emission))
+                .sum::<f64>()
+        };
+        for emission in [0.05, 0.15, 0.201, 0.205, 0.209, 0.25] {
+            assert!((weight(emission) - 1.0).abs() < 1e-12, "{emission}: {}", weight(emission));
+        }
+        assert!(weight(0.305) < 0.6 && weight(0.311) == 0.0);
+    }
+
+    #[test]
+    fn one_moment_of_sound_is_a_fade() {
+        let mut found = Vec::new();
+        PathBuilder::new(key(1.0, 0.5), false, 0.001).end(key(1.0, 0.5), &mut |s| found.push(s));
+        assert_eq!(found.len(), 2);
+        assert!((found[0].begin_s - 1.499).abs() < 1e-12 && (found[1].end_s - 1.51).abs() < 1e-12);
+    }
+}
