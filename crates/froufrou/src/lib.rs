@@ -11,6 +11,7 @@
 
 pub mod corpus;
 pub mod error;
+mod hermite;
 pub mod motion;
 pub mod random;
 pub mod render;

@@ -71,13 +71,25 @@ pub struct MicrophoneShape {
     pub k: f64,
 }
 
-/// A microphone of an object-space score; its `hear` lines say where it is.
+/// A microphone of an object-space score. It stands where the header places it, or else moves as its
+/// `hear` lines say.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Microphone {
     /// The name that `hear` lines use and that the output channel bears.
     pub name: String,
     /// What it hears from which side.
     pub shape: MicrophoneShape,
+    /// Where it stands, if it never moves.
+    pub fixed: Option<Pose>,
+}
+
+/// Where a microphone is and which way it faces.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// World position in metres.
+    pub position_m: [f64; 3],
+    /// The direction it faces, of any length above 0.
+    pub facing: [f64; 3],
 }
 
 /// The value of a key in object space: where the source is and how loud it is 1 m away.
@@ -146,10 +158,8 @@ pub struct MicrophoneKey {
     pub microphone: usize,
     /// When, in seconds.
     pub time_s: f64,
-    /// World position in metres.
-    pub position_m: [f64; 3],
-    /// Unit vector of the direction it faces.
-    pub facing: [f64; 3],
+    /// Where it is.
+    pub pose: Pose,
     /// True where the microphone is suddenly here (a camera cut).
     pub cut: bool,
 }

@@ -1,1 +1,5 @@
 //! What reaches each microphone: positions in, gains and delays out.
+
+pub mod microphone;
+pub mod propagation;
+mod track;

@@ -9,12 +9,17 @@
 //! keys would make time stand still or run backwards between them, the slopes are limited (Fritsch
 //! & Carlson 1980). The gain is linear between keys, to which the ear is indifferent.
 
+use crate::hermite;
+
 /// Seconds over which a path fades out where it is cut off, and in where it begins within a sound.
 pub const FADE_S: f64 = 0.010;
 
 /// Emission seconds an arrival second may hold, and its inverse: beyond, two keys are not joined by
 /// any motion that a sound could follow, and the source is taken to have jumped between them.
 const RATE_LIMIT: f64 = 8.0;
+
+/// Two keys this near to each other, in seconds, are one.
+const SAME_S: f64 = 1e-9;
 
 /// One key of a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,17 +102,10 @@ impl Segment {
     #[inline(always)]
     pub fn at(&self, arrival_s: f64) -> Moment {
         let length = self.end_s - self.begin_s;
-        let u = (arrival_s - self.begin_s) / length;
-        let [d0, d1] = self.delay_s;
-        let (m0, m1) = (self.slope[0] * length, self.slope[1] * length);
-        // d(u) = d0 + u (m0 + u (c2 + u c3)), the Hermite cubic in Horner's form.
-        let rise = d1 - d0;
-        let (c2, c3) = (3.0 * rise - 2.0 * m0 - m1, m0 + m1 - 2.0 * rise);
-        Moment {
-            delay_s: d0 + u * (m0 + u * (c2 + u * c3)),
-            rate: 1.0 - (m0 + u * (2.0 * c2 + u * 3.0 * c3)) / length,
-            gain: self.gain[0] + u * (self.gain[1] - self.gain[0]),
-        }
+        let x = arrival_s - self.begin_s;
+        let (delay_s, slope) = hermite::cubic(x, length, self.delay_s, self.slope);
+        let gain = self.gain[0] + x / length * (self.gain[1] - self.gain[0]);
+        Moment { delay_s, rate: 1.0 - slope, gain }
     }
 }
 
@@ -152,7 +150,7 @@ impl PathBuilder {
     pub fn key(&mut self, key: PathKey, emit: &mut impl FnMut(Segment)) {
         let last = self.last();
         let (emission, arrival) = (key.emission_s - last.emission_s, key.arrival_s() - last.arrival_s());
-        if emission <= 0.0 && arrival <= 0.0 {
+        if emission <= SAME_S && arrival.abs() <= SAME_S {
             return;
         }
         // Written so that a rate that is not a number is also out of limits.
@@ -259,14 +257,14 @@ fn secant(a: PathKey, b: PathKey) -> f64 {
 fn middle_slope(a: PathKey, b: PathKey, c: PathKey) -> f64 {
     let (left, right) = (b.arrival_s() - a.arrival_s(), c.arrival_s() - b.arrival_s());
     let (before, after) = (secant(a, b), secant(b, c));
-    limit((before * right + after * left) / (left + right), before.max(after))
+    limit(hermite::middle_slope(left, right, before, after), before.max(after))
 }
 
 /// Slope at the first of three keys, of the parabola through them.
 fn end_slope(a: PathKey, b: PathKey, c: PathKey) -> f64 {
-    let (near, far) = (b.arrival_s() - a.arrival_s(), c.arrival_s() - a.arrival_s());
-    let (first, both) = (secant(a, b), secant(a, c));
-    limit(first + (first - both) * near / (far - near), first)
+    let (near, far) = (b.arrival_s() - a.arrival_s(), c.arrival_s() - b.arrival_s());
+    let (first, second) = (secant(a, b), secant(b, c));
+    limit(hermite::end_slope(near, far, first, second), first)
 }
 
 /// Keeps emission time rising: its slope, 1 − `slope`, stays between 0 and three times that of the
