@@ -92,33 +92,58 @@ pub fn add_segment(
         return 0..0;
     }
     let range = (first - block_frame) as usize..(end - block_frame) as usize;
-    let samples = Samples { samples: &prototype.samples, looped: prototype.looped };
-    let step = playback.speed * prototype.rate_hz / rate_hz;
-    let unchanged = segment.is_still() && step == 1.0;
-    let (source_rate_hz, offset) =
-        (playback.speed * prototype.rate_hz, playback.offset_s * prototype.rate_hz);
-    let out = &mut block[range.clone()];
     // The vector unit of the machine is chosen here; the sums inside are made in one fixed order.
-    pulp::Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            for (n, out) in out.iter_mut().enumerate() {
-                let arrival_s = (first + n as u64) as f64 / rate_hz;
-                let moment = segment.at(arrival_s);
-                let emission_s = arrival_s - moment.delay_s;
-                let position = (emission_s - playback.start_s) * source_rate_hz + offset;
-                let sample = if unchanged && (position - position.round()).abs() < WHOLE_SAMPLE {
-                    samples.at(position.round() as i64)
-                } else {
-                    samples.read(position, moment.rate * step, window)
-                };
-                if sample != 0.0 {
-                    *out += f64::from(sample) * (moment.gain * segment.fades.gain(emission_s));
-                }
-            }
-        },
-    );
+    pulp::Arch::new().dispatch(Reading {
+        samples: Samples { samples: &prototype.samples, looped: prototype.looped },
+        playback,
+        source_rate_hz: playback.speed * prototype.rate_hz,
+        offset: playback.offset_s * prototype.rate_hz,
+        segment,
+        rate_hz,
+        first,
+        out: &mut block[range.clone()],
+        window,
+    });
     range
+}
+
+/// The inner loop of [`add_segment`].
+struct Reading<'a> {
+    samples: Samples<'a>,
+    playback: &'a Playback,
+    /// Samples of the prototype in a second of its source's time.
+    source_rate_hz: f64,
+    /// Where in the prototype it begins, in samples.
+    offset: f64,
+    segment: &'a Segment,
+    rate_hz: f64,
+    first: u64,
+    out: &'a mut [f64],
+    window: &'a mut Vec<f32>,
+}
+
+impl pulp::WithSimd for Reading<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, simd: S) {
+        let step = self.source_rate_hz / self.rate_hz;
+        let unchanged = self.segment.is_still() && step == 1.0;
+        for (n, out) in self.out.iter_mut().enumerate() {
+            let arrival_s = (self.first + n as u64) as f64 / self.rate_hz;
+            let moment = self.segment.at(arrival_s);
+            let emission_s = arrival_s - moment.delay_s;
+            let position = (emission_s - self.playback.start_s) * self.source_rate_hz + self.offset;
+            let sample = if unchanged && (position - position.round()).abs() < WHOLE_SAMPLE {
+                self.samples.at(position.round() as i64)
+            } else {
+                self.samples.read(simd, position, moment.rate * step, self.window)
+            };
+            if sample != 0.0 {
+                *out += f64::from(sample) * (moment.gain * self.segment.fades.gain(emission_s));
+            }
+        }
+    }
 }
 
 #[cfg(test)]
