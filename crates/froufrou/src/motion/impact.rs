@@ -14,8 +14,8 @@
 //! - The *window* of a blow that goes on. It opens with a step that follows at least
 //!   [`Settings::gap_s`] without contact, or whose mean force since the step before is above
 //!   [`Settings::peak_ratio`] resting forces. It holds what begins within
-//!   [`Settings::window_s`]; of unbroken contact also the first three steps, so that a blow that a
-//!   slow log has spread over two is whole, and what follows while the force rises or falls by a
+//!   [`Settings::window_s`]; of unbroken contact also the first three steps, or six that rise all
+//!   the time, so that a blow that a slow log has spread over two is whole, and what follows while the force rises or falls by a
 //!   tenth a step, up to [`Settings::longest_s`], so that a soft blow is whole.
 //! - The *last blow*: within a gap's time after it only one half as strong again is a new one and
 //!   not its aftermath.
@@ -27,7 +27,7 @@
 //! step of a log with longer ones.
 //!
 //! Impacts come out in order of time, as soon as nothing earlier can follow: no later than the
-//! longer of [`Settings::longest_s`] and three steps after they happened, and two steps more. The
+//! longer of [`Settings::longest_s`] and six steps after they happened, and two steps more. The
 //! memory goes with the bodies that have touched of late, not with the length of the log.
 
 use std::cmp::Ordering;
@@ -63,7 +63,7 @@ pub struct Settings {
     pub step: Step,
     /// How long a blow is listened to at least, in seconds.
     pub window_s: f64,
-    /// How long at most, in seconds; three steps at least.
+    /// How long at most, in seconds; three to six steps at least.
     pub longest_s: f64,
     /// Seconds without contact after which touching is a blow; two and a half steps at least.
     pub gap_s: f64,
@@ -78,7 +78,15 @@ pub struct Settings {
 impl Settings {
     /// The usual settings: windows of 5 to 20 ms, gaps of 20 ms, peaks of 3 resting forces averaged over 100 ms.
     pub fn new(step: Step) -> Self {
-        Self { step, window_s: 0.005, longest_s: 0.02, gap_s: 0.02, peak_ratio: 3.0, rest_s: 0.1, floor_rest_s: 0.005 }
+        Self {
+            step,
+            window_s: 0.005,
+            longest_s: 0.02,
+            gap_s: 0.02,
+            peak_ratio: 3.0,
+            rest_s: 0.1,
+            floor_rest_s: 0.005,
+        }
     }
 
     fn gap(&self) -> f64 {
@@ -210,6 +218,8 @@ struct Window {
     /// From the end of the contact before it to its own last one.
     span_s: f64,
     peak_n: f64,
+    /// The force of its first step.
+    first_n: f64,
     /// The force of its last step, and whether it still rose or fell by a tenth there.
     last_n: f64,
     changes: bool,
@@ -460,6 +470,7 @@ impl Analyser {
                 touching_moment: 0.0,
                 span_s: 0.0,
                 peak_n: 0.0,
+                first_n: contact.sum.impulse_ns / contact.step_s,
                 last_n: 0.0,
                 changes: true,
                 least_n: None,
@@ -479,14 +490,9 @@ impl Analyser {
         let Some(pair) = self.pairs.get_mut(&bodies) else { return };
         let Some(window) = pair.window.take() else { return };
         let parted = start_s - pair.last_end_s > 0.5 * settings.step.typical_s();
-        let least_n = if parted { Some(0.0) } else { window.least_n };
-        // What carries on after an onset is resting; of a blow between resting bodies the smaller
-        // of before and after, for the blow may be what lifts one off.
-        let rest_n = match (window.onset, least_n) {
-            (true, least_n) => least_n.unwrap_or(0.0),
-            (false, Some(least_n)) if least_n > 0.0 => pair.rest_n.min(least_n),
-            (false, _) => pair.rest_n,
-        };
+        // What has risen all the time is a growing load, on top of what it began with.
+        let least_n = if parted { 0.0 } else { window.least_n.unwrap_or(window.first_n) };
+        let rest_n = if window.onset { least_n } else { pair.rest_n };
         // Flickers on the way to a blow are resting too, so that their time counts.
         let impulse_ns = window.sum.impulse_ns - rest_n * window.span_s;
         let aftermath = pair.last_blow.is_some_and(|(end_s, last_ns)| {
@@ -498,7 +504,7 @@ impl Analyser {
             return;
         }
         pair.last_blow = Some((pair.last_end_s, impulse_ns));
-        if let Some(least_n) = least_n.filter(|n| window.onset || *n > 0.0) {
+        if window.onset {
             (pair.rest_n, pair.rest_age_s) = (least_n, window.touching_s);
         }
         let Sum { moment, normal, speed_mps, lines, impulse_ns: all_ns } = window.sum;
@@ -547,7 +553,8 @@ impl Window {
         let typical_s = settings.step.typical_s();
         let age_s = start_s - self.start_s + 1e-3 * typical_s;
         let unbroken = start_s - last_end_s < 0.5 * typical_s;
-        let goes_on = self.steps < 3 || (self.changes && age_s < settings.longest_s);
+        let rising = self.least_n.is_none();
+        let goes_on = self.steps < if rising { 6 } else { 3 } || (self.changes && age_s < settings.longest_s);
         age_s < settings.window_s || (unbroken && goes_on)
     }
 }
