@@ -620,3 +620,6 @@ fn contacts(table: &Table<'_, '_>, folder: &Folder) -> Result<Contacts> {
         step_s: table.get("step").map(|n| n.within("a number of seconds", 1e-6, 1.0)).transpose()?,
     })
 }
+
+#[cfg(test)]
+mod tests;
