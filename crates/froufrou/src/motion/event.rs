@@ -1,0 +1,203 @@
+//! What an analyser finds, and the file of it: `events.jsonl`, one JSON object a line.
+
+use std::io::{BufRead, Write};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Error, Place, Result};
+
+/// The longest line of an event file that is read, in bytes.
+pub const LONGEST_LINE_BYTES: usize = 1 << 20;
+
+/// Something that happened in the world and may be heard.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Event {
+    /// Two bodies hit each other.
+    Impact(Impact),
+}
+
+/// Two bodies hit each other.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Impact {
+    /// When, in seconds.
+    pub time_s: f64,
+    /// One body; its name is not after that of `b`.
+    pub a: String,
+    /// The other.
+    pub b: String,
+    /// Where, in metres.
+    pub position_m: [f64; 3],
+    /// The impulse they exchanged beyond that of their resting on each other, in newton seconds.
+    pub impulse_ns: f64,
+    /// The mean contact normal, of length 1, with the sign that the log gives it for a row that
+    /// names `a` first; where the log has normals.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub normal: Option<[f64; 3]>,
+    /// The greatest relative speed along the normal in metres a second; where the log has it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_mps: Option<f64>,
+    /// What it was told by.
+    pub cause: Cause,
+}
+
+/// The rows of a contact log that tell of an event.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cause {
+    /// The log as the scene names it.
+    pub log: String,
+    /// The first line, from 1.
+    pub first_line: u64,
+    /// The last line; rows of other bodies may lie between.
+    pub last_line: u64,
+}
+
+impl Event {
+    /// When it happens, in seconds.
+    pub fn time_s(&self) -> f64 {
+        match self {
+            Event::Impact(impact) => impact.time_s,
+        }
+    }
+}
+
+/// Writes one event as a line.
+///
+/// # Errors
+/// What the writer refuses. A number that is not finite has no place in JSON and is refused too.
+pub fn write(to: &mut impl Write, event: &Event) -> std::io::Result<()> {
+    let Event::Impact(impact) = event;
+    let numbers = [impact.time_s, impact.impulse_ns].into_iter().chain(impact.position_m);
+    let numbers = numbers.chain(impact.speed_mps).chain(impact.normal.into_iter().flatten());
+    if !numbers.into_iter().all(f64::is_finite) {
+        return Err(std::io::Error::other(format!("an event with a number that is not finite: {event:?}")));
+    }
+    serde_json::to_writer(&mut *to, event)?;
+    to.write_all(b"\n")
+}
+
+/// Reads events line by line, in the memory of one line. It ends after its first error.
+///
+/// ```
+/// use froufrou::motion::event::{Event, Reader};
+/// let text = r#"{"kind":"impact","time_s":0.5,"a":"ball","b":"floor","position_m":[0,0,0],
+/// "impulse_ns":0.1,"cause":{"log":"c.csv","first_line":2,"last_line":3}}"#.replace('\n', "");
+/// let events: Vec<Event> = Reader::new(text.as_bytes(), "events.jsonl").collect::<Result<_, _>>()?;
+/// assert_eq!(events[0].time_s(), 0.5);
+/// # Ok::<(), froufrou::Error>(())
+/// ```
+#[derive(Debug)]
+pub struct Reader<R> {
+    inner: R,
+    file: PathBuf,
+    line: usize,
+    buffer: Vec<u8>,
+    over: bool,
+}
+
+impl<R: BufRead> Reader<R> {
+    /// Reads from anywhere; `file` is the name in messages.
+    pub fn new(inner: R, file: impl AsRef<Path>) -> Self {
+        Self { inner, file: file.as_ref().to_owned(), line: 0, buffer: Vec::new(), over: false }
+    }
+
+    fn read(&mut self) -> Result<Option<Event>> {
+        loop {
+            self.line += 1;
+            self.buffer.clear();
+            let mut bounded = std::io::Read::take(&mut self.inner, LONGEST_LINE_BYTES as u64 + 1);
+            let count = bounded
+                .read_until(b'\n', &mut self.buffer)
+                .map_err(|fault| Error::new(format!("cannot read: {fault}")).because(fault))?;
+            if count == 0 {
+                return Ok(None);
+            }
+            if count > LONGEST_LINE_BYTES {
+                return Err(Error::new(format!("a line longer than {LONGEST_LINE_BYTES} bytes")));
+            }
+            if self.buffer.iter().all(u8::is_ascii_whitespace) {
+                continue;
+            }
+            return serde_json::from_slice(&self.buffer).map(Some).map_err(|fault| {
+                let place = Place::Line { line: self.line, column: fault.column() };
+                // The place that serde gives counts lines of this line.
+                let what = fault.to_string();
+                let what = what.rsplit_once(" at line ").map_or(what.as_str(), |(what, _)| what);
+                Error::new(format!("not an event: {what}")).at(place).because(fault)
+            });
+        }
+    }
+}
+
+impl<R: BufRead> Iterator for Reader<R> {
+    type Item = Result<Event>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.over {
+            return None;
+        }
+        let place = |line| Place::Line { line, column: 0 };
+        let event = self.read().map_err(|e| e.in_file(self.file.clone()).at(place(self.line))).transpose();
+        self.over = !matches!(event, Some(Ok(_)));
+        event
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn event(time_s: f64, impulse_ns: f64, name: &str, normal: Option<[f64; 3]>) -> Event {
+        Event::Impact(Impact {
+            time_s,
+            a: name.to_owned(),
+            b: "floor".to_owned(),
+            position_m: [0.1 + 0.2, -1.0 / 3.0, 1e-300],
+            impulse_ns,
+            normal,
+            speed_mps: normal.map(|n| n[0].abs()),
+            cause: Cause { log: "contacts.csv.gz".to_owned(), first_line: 2, last_line: u64::MAX },
+        })
+    }
+
+    fn fault(text: &str) -> String {
+        let found: Result<Vec<Event>> = Reader::new(text.as_bytes(), "e.jsonl").collect();
+        found.err().map(|e| e.to_string()).unwrap_or_default()
+    }
+
+    #[test]
+    fn faults_name_the_line() -> std::io::Result<()> {
+        let mut good = Vec::new();
+        write(&mut good, &event(1.0, 2.0, "ball", None))?;
+        let good = String::from_utf8(good).map_err(std::io::Error::other)?;
+        assert!(fault(&format!("{good}\n{{")).starts_with("e.jsonl:3:1: not an event: EOF while parsing"));
+        let unknown = good.replace("\"impulse_ns\"", "\"impulse\"");
+        assert!(fault(&unknown).starts_with("e.jsonl:1:"), "{}", fault(&unknown));
+        assert!(fault(&unknown).contains("unknown field `impulse`"), "{}", fault(&unknown));
+        assert!(fault(&good.replace("impact", "crash")).contains("unknown variant `crash`"));
+        assert!(fault(&"x".repeat(LONGEST_LINE_BYTES + 1)).contains("a line longer than"));
+        assert!(write(&mut Vec::new(), &event(f64::NAN, 1.0, "x", None)).is_err());
+        Ok(())
+    }
+
+    proptest! {
+        #[test]
+        fn every_number_and_name_comes_back_exactly(
+            time_s in any::<f64>().prop_filter("finite", |x| x.is_finite()),
+            impulse_ns in any::<f64>().prop_filter("finite", |x| x.is_finite()),
+            name in any::<String>(),
+            x in proptest::option::of(-1.0f64..1.0),
+        ) {
+            let event = event(time_s, impulse_ns, &name, x.map(|x| [x, 0.1, 0.2]));
+            let mut bytes = Vec::new();
+            write(&mut bytes, &event)?;
+            prop_assert_eq!(bytes.iter().filter(|b| **b == b'\n').count(), 1);
+            let back: Vec<Event> = Reader::new(bytes.as_slice(), "e.jsonl").collect::<Result<_>>()?;
+            prop_assert_eq!(back, vec![event]);
+        }
+    }
+}

@@ -1,0 +1,257 @@
+//! The scene file: one TOML file that says what is in the world, what it sounds like and who
+//! listens. Its reference, with every key, is `docs/scene.md`.
+//!
+//! Reading gives plain data, checked as far as it can be without opening the files it refers to:
+//! they are there, inside the scene's folder, and names that refer to each other exist.
+
+use std::path::{Path, PathBuf};
+
+use crate::score::{MicrophoneShape, Repeat};
+use crate::{Error, Place, Result};
+
+use super::asset::{Asset, Folder, NamePattern};
+use super::contact_log::ContactColumns;
+use super::read;
+use super::track::Track;
+
+/// The longest scene file that is read, in bytes.
+pub const LONGEST_FILE_BYTES: u64 = 16 << 20;
+
+/// A scene as its author wrote it, with defaults filled in.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// The file it was read from.
+    pub file: PathBuf,
+    /// The folder that its paths start from.
+    pub folder: PathBuf,
+    /// Sample rate of the soundtrack in hertz.
+    pub rate_hz: u32,
+    /// What all random choices follow from.
+    pub seed: u64,
+    /// Length of the soundtrack in seconds; `None`: until everything has ended and arrived.
+    pub duration_s: Option<f64>,
+    /// Speed of sound in metres a second.
+    pub speed_of_sound_mps: f64,
+    /// How often hand-set tracks are sampled, in hertz.
+    pub frame_rate_hz: f64,
+    /// Who listens: one output channel each, in order; at least one.
+    pub microphones: Vec<Microphone>,
+    /// What things are made of.
+    pub materials: Vec<Material>,
+    /// The things in the world.
+    pub objects: Vec<Object>,
+    /// Every sound that was written down, whether with an object or by itself.
+    pub sounds: Vec<SceneSound>,
+    /// The contact logs of simulations.
+    pub contacts: Vec<Contacts>,
+}
+
+/// What carries an object or a microphone through the world.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Motion {
+    /// A track set by hand; one key where it stands still.
+    Track(Track),
+    /// Objects of an animation file.
+    Source(Source),
+}
+
+/// Objects of an animation file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Source {
+    /// The animation file.
+    pub file: Asset,
+    /// The path of the object in it, or a pattern that several match.
+    pub object: NamePattern,
+    /// Seconds added to the times of the file.
+    pub time_offset_s: f64,
+}
+
+/// A microphone.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Microphone {
+    /// Its name and that of its output channel, unlike all others.
+    pub name: String,
+    /// What it hears from which side.
+    pub shape: MicrophoneShape,
+    /// What carries it. Of a hand-set track the carrier's frame is [`Track::frame`].
+    pub motion: Motion,
+    /// Where it sits in the local frame of what carries it, in metres.
+    pub local_offset_m: [f64; 3],
+    /// Unit vector of its facing direction in the local frame of what carries it; a carrier looks
+    /// along its −Z, and +X is to its right.
+    pub local_facing: [f64; 3],
+}
+
+/// What a thing is made of, as far as it is heard.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Material {
+    /// The name that objects use.
+    pub name: String,
+    /// What it sounds like when hit.
+    pub impact: Option<ImpactSound>,
+}
+
+/// What a material sounds like when hit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ImpactSound {
+    /// One of these is picked at random for every impact, never the same twice running; not empty.
+    pub recordings: Vec<Asset>,
+    /// Gain of an impact of the reference impulse, in decibels.
+    pub gain_db: f64,
+    /// The impulse that plays at `gain_db`, in newton seconds; pressure is proportional to impulse.
+    pub reference_impulse_ns: f64,
+    /// The impulse below which nothing sounds, in newton seconds.
+    pub floor_impulse_ns: f64,
+    /// Dead time of a pair of bodies after an impact that sounded, in seconds.
+    pub retrigger_s: f64,
+    /// The playback speed varies at random by up to this fraction to either side.
+    pub speed_variation: f64,
+    /// The distance at which it is heard at its own gain, in metres.
+    pub reference_distance_m: f64,
+}
+
+/// A thing in the world.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Object {
+    /// Its name, unlike all others.
+    pub name: String,
+    /// What carries it; `None` for what is known from contact logs alone.
+    pub motion: Option<Motion>,
+    /// The point that sounds come from.
+    pub point: Point,
+    /// Index into [`Scene::materials`].
+    pub material: Option<usize>,
+    /// Which bodies of the contact logs it is.
+    pub body: NamePattern,
+}
+
+/// The point of an object that its sounds come from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Point {
+    /// A place in its local frame, in metres; its origin where nothing was said.
+    Offset([f64; 3]),
+    /// A vertex of its mesh, from 0.
+    Vertex(usize),
+}
+
+/// A sound that was written down.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneSound {
+    /// Where it comes from.
+    pub emitter: Emitter,
+    /// One of these is picked at random for every start, never the same twice running; not empty.
+    pub recordings: Vec<Asset>,
+    /// How it repeats.
+    pub repeat: Repeat,
+    /// The channel of the recording that is played, from 0; all of them averaged where `None`.
+    pub channel: Option<usize>,
+    /// Gain in decibels.
+    pub gain_db: f64,
+    /// Playback speed: 2 is an octave up in half the time.
+    pub speed: f64,
+    /// The speed of each start varies at random by up to this fraction to either side.
+    pub speed_variation: f64,
+    /// When it sounds.
+    pub timing: Timing,
+    /// Seconds over which each start fades in.
+    pub fade_in_s: f64,
+    /// Seconds over which it fades out before its end.
+    pub fade_out_s: f64,
+    /// The distance at which it is heard at its own gain, in metres.
+    pub reference_distance_m: f64,
+}
+
+/// Where a sound comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Emitter {
+    /// An object with a motion: an index into [`Scene::objects`].
+    Object(usize),
+    /// A fixed world position in metres.
+    Position([f64; 3]),
+}
+
+/// When a sound sounds.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Timing {
+    /// It plays once from every key, in ascending order of time; not empty, never of a loop.
+    Starts(Vec<StartKey>),
+    /// It sounds from one time to another, or to the end of the recording or scene where `None`.
+    Span {
+        /// The start in seconds.
+        from_s: f64,
+        /// The end in seconds, after the start.
+        to_s: Option<f64>,
+    },
+}
+
+/// A hand-set start of a sound.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StartKey {
+    /// When, in seconds.
+    pub time_s: f64,
+    /// Gain in decibels on top of the sound's own.
+    pub gain_db: f64,
+    /// Factor on top of the sound's own speed.
+    pub speed: f64,
+}
+
+/// A contact log and how to read it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Contacts {
+    /// The log.
+    pub log: Asset,
+    /// What its columns and units mean.
+    pub columns: ContactColumns,
+    /// Length of the simulation's step in seconds; `None`: found from the log's time stamps.
+    pub step_s: Option<f64>,
+}
+
+impl Scene {
+    /// Reads a scene file. Its paths start from the folder it lies in, and may leave it only with
+    /// `allow_outside`.
+    ///
+    /// # Errors
+    /// A file that cannot be read or is longer than [`LONGEST_FILE_BYTES`]; text that is not TOML;
+    /// a key that is unknown, missing or has a value it cannot have; a reference to a file, object
+    /// or material that is not there. All name the file, line and key.
+    pub fn open(path: impl AsRef<Path>, allow_outside: bool) -> Result<Self> {
+        use std::io::Read;
+        let path = path.as_ref();
+        let fail = |fault| Error::io("read", path, fault);
+        let file = std::fs::File::open(path).map_err(fail)?;
+        let mut bytes = Vec::new();
+        file.take(LONGEST_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(fail)?;
+        if bytes.len() as u64 > LONGEST_FILE_BYTES {
+            return Err(
+                Error::new(format!("longer than {LONGEST_FILE_BYTES} bytes: not a scene")).in_file(path)
+            );
+        }
+        let text = String::from_utf8(bytes).map_err(|fault| {
+            let offset = fault.utf8_error().valid_up_to() as u64;
+            Error::new("not UTF-8 text").in_file(path).at(Place::Byte(offset)).because(fault)
+        })?;
+        Self::parse(&text, path, allow_outside)
+    }
+
+    /// Reads a scene from text, as if it stood in `file`: messages name that file and paths start
+    /// from its folder. The file itself need not exist.
+    ///
+    /// # Errors
+    /// As [`Scene::open`].
+    ///
+    /// ```
+    /// use froufrou::Scene;
+    /// let scene = Scene::parse("rate = 96000\n[listener]\nlayout = 'mono'", "scene.toml", false)?;
+    /// assert_eq!((scene.rate_hz, scene.microphones.len()), (96000, 1));
+    ///
+    /// let error = Scene::parse("seed = 1\nrat = 44100", "scene.toml", false).unwrap_err();
+    /// assert_eq!(error.to_string(), "scene.toml:2:1: unknown key `rat` (did you mean `rate`?)");
+    /// # Ok::<(), froufrou::Error>(())
+    /// ```
+    pub fn parse(text: &str, file: impl AsRef<Path>, allow_outside: bool) -> Result<Self> {
+        let file = file.as_ref();
+        let parent = file.parent().unwrap_or(Path::new(""));
+        let folder = Folder::new(parent, allow_outside)?;
+        read::scene(text, file, parent, &folder)
+    }
+}
