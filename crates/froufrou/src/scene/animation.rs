@@ -4,13 +4,14 @@
 //! Readers hold the index of a file in memory and fetch samples as they are asked for, so that a
 //! file of any length is read in the memory of a few frames.
 
-use crate::Result;
+use crate::{Error, Result};
 
 /// A local-to-world transform, row-major, for column vectors: `world = m * [x, y, z, 1]`, so that
 /// the translation is `m[0][3], m[1][3], m[2][3]`, in metres.
 pub type Transform = [[f64; 4]; 4];
 
-/// A polygon mesh at one moment, in world space, metres, Y up.
+/// A polygon mesh at one moment, in world space, metres, Y up, its faces counter-clockwise seen from
+/// outside. Positions are as the file has them: a NaN there is a NaN here.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mesh {
     /// Vertex positions in metres.
@@ -19,6 +20,15 @@ pub struct Mesh {
     pub face_vertices: Vec<u32>,
     /// The number of vertices of each face.
     pub face_sizes: Vec<u32>,
+}
+
+/// How big a mesh is.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct MeshSize {
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Number of faces.
+    pub faces: usize,
 }
 
 /// What an object of an animation is.
@@ -91,6 +101,14 @@ impl KeyTimes {
         }
     }
 
+    /// Samples per second, where they are equally spaced.
+    pub fn rate_hz(&self) -> Option<f64> {
+        match self {
+            KeyTimes::Uniform { step_s, .. } => Some(1.0 / step_s),
+            KeyTimes::Static | KeyTimes::Listed(_) => None,
+        }
+    }
+
     /// First and last time, where there are samples.
     pub fn span_s(&self) -> Option<(f64, f64)> {
         Some((self.get(0)?, self.get(self.len().checked_sub(1)?)?))
@@ -131,4 +149,23 @@ pub trait Animation: Send + Sync {
     /// # Errors
     /// An object without a mesh, or a sample that cannot be read.
     fn mesh(&self, object: usize, time_s: f64, mesh: &mut Mesh) -> Result<()>;
+
+    /// How big an object's mesh is at its first sample; nothing for an object without a mesh.
+    ///
+    /// # Errors
+    /// An object that is not there, or a sample that cannot be read.
+    fn mesh_size(&self, object: usize) -> Result<Option<MeshSize>> {
+        let Some(info) = self.objects().get(object) else {
+            return Err(Error::new(format!(
+                "there is no object {object}; there are {}",
+                self.objects().len()
+            )));
+        };
+        if info.kind != ObjectKind::Mesh {
+            return Ok(None);
+        }
+        let mut mesh = Mesh::default();
+        self.mesh(object, info.key_times.get(0).unwrap_or_default(), &mut mesh)?;
+        Ok(Some(MeshSize { vertices: mesh.positions.len(), faces: mesh.face_sizes.len() }))
+    }
 }

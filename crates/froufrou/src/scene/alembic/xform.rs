@@ -1,0 +1,313 @@
+//! Transforms: a list of operations whose numbers change, and whether what is above is inherited.
+//!
+//! The operations are written outermost first: with column vectors, `local = op0 * op1 * …`. The
+//! hints by which programs recognise their own operations (pivots, orders of rotation) change
+//! nothing about where things are and are not read.
+
+use std::mem::size_of;
+use std::sync::Arc;
+
+use glam::{DMat3, DMat4, DQuat, DVec3};
+
+use super::archive::{Archive, Compound};
+use super::fault::{Allowance, Fault, Outcome};
+use super::ogawa::Ogawa;
+use super::property::{Pod, Property};
+use super::sample_cache::{Ledger, SampleCache};
+use super::time_sampling::union;
+use crate::scene::animation::KeyTimes;
+
+/// One step of a transform, and so many of the sample's numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Operation {
+    /// Factors along x, y, z.
+    Scale,
+    /// A displacement.
+    Translate,
+    /// An axis and an angle in degrees.
+    Rotate,
+    /// Sixteen numbers, row by row for row vectors.
+    Matrix,
+    /// An angle in degrees about x.
+    RotateX,
+    /// An angle in degrees about y.
+    RotateY,
+    /// An angle in degrees about z.
+    RotateZ,
+}
+
+impl Operation {
+    /// The upper half of the byte is the operation, the lower half its hint.
+    fn new(code: u8) -> Option<Self> {
+        use Operation::*;
+        [Scale, Translate, Rotate, Matrix, RotateX, RotateY, RotateZ].get(usize::from(code >> 4)).copied()
+    }
+
+    fn channels(self) -> usize {
+        match self {
+            Operation::Scale | Operation::Translate => 3,
+            Operation::Rotate => 4,
+            Operation::Matrix => 16,
+            Operation::RotateX | Operation::RotateY | Operation::RotateZ => 1,
+        }
+    }
+
+    /// Its matrix from as many values as it has channels.
+    fn matrix(self, values: &[f64]) -> DMat4 {
+        let value = |index: usize| values.get(index).copied().unwrap_or_default();
+        let vector = DVec3::new(value(0), value(1), value(2));
+        match self {
+            Operation::Scale => DMat4::from_scale(vector),
+            Operation::Translate => DMat4::from_translation(vector),
+            // About no axis there is no rotation.
+            Operation::Rotate => match vector.try_normalize() {
+                Some(axis) => DMat4::from_axis_angle(axis, value(3).to_radians()),
+                None => DMat4::IDENTITY,
+            },
+            // Rows for row vectors are columns for column vectors.
+            Operation::Matrix => {
+                values.try_into().map_or(DMat4::IDENTITY, |values| DMat4::from_cols_array(&values))
+            }
+            Operation::RotateX => DMat4::from_rotation_x(value(0).to_radians()),
+            Operation::RotateY => DMat4::from_rotation_y(value(0).to_radians()),
+            Operation::RotateZ => DMat4::from_rotation_z(value(0).to_radians()),
+        }
+    }
+}
+
+/// Whether the transforms above apply.
+#[derive(Debug)]
+enum Inherits {
+    Always(bool),
+    Sampled(Property),
+}
+
+/// A transform that may move.
+#[derive(Debug)]
+pub(super) struct Xform {
+    operations: Vec<Operation>,
+    /// The numbers of all operations; none where nothing was ever written.
+    values: Option<Property>,
+    inherits: Inherits,
+    cache: SampleCache<u32, DMat4>,
+}
+
+impl Xform {
+    /// From its schema's compound.
+    ///
+    /// # Errors
+    /// Damage.
+    pub(super) fn new(compound: &Compound, archive: &Archive, ledger: &Arc<Ledger>) -> Outcome<Self> {
+        let ogawa = &archive.ogawa;
+        let operations = match compound.property(".ops", archive)? {
+            Some(property) if !property.is_empty() => {
+                if property.pod() != Pod::U8 {
+                    return Err(property.wrong_type("bytes that name operations"));
+                }
+                let codes = property.bytes(0, ogawa)?;
+                let operation = |code: &u8| {
+                    Operation::new(*code).ok_or_else(|| {
+                        Fault::new(
+                            format!("the transform has an unknown operation {code:#04x}"),
+                            "export it again with matrices",
+                        )
+                    })
+                };
+                codes.iter().map(operation).collect::<Outcome<Vec<_>>>()?
+            }
+            _ => Vec::new(),
+        };
+        let values = compound.property(".vals", archive)?.filter(|property| !property.is_empty());
+        let inherits = match compound.property(".inherits", archive)? {
+            Some(property) if property.is_empty() => Inherits::Always(true),
+            Some(property) if property.is_constant() => Inherits::Always(flag(&property, 0, ogawa)?),
+            Some(property) => Inherits::Sampled(property),
+            None => Inherits::Always(true),
+        };
+        Ok(Self { operations, values, inherits, cache: SampleCache::new(ledger) })
+    }
+
+    /// When it changes.
+    ///
+    /// # Errors
+    /// Times too many for the allowance.
+    pub(super) fn key_times(&self, memory: &mut Allowance) -> Outcome<KeyTimes> {
+        let values = self.values.as_ref().map_or(Ok(KeyTimes::Static), |values| values.key_times(memory))?;
+        match &self.inherits {
+            Inherits::Always(_) => Ok(values),
+            Inherits::Sampled(property) => union(&values, &property.key_times(memory)?, memory),
+        }
+    }
+
+    /// The local matrix at a time.
+    ///
+    /// # Errors
+    /// A sample that cannot be read.
+    pub(super) fn local(&self, time_s: f64, ogawa: &Ogawa) -> Outcome<DMat4> {
+        let Some(values) = &self.values else { return Ok(DMat4::IDENTITY) };
+        let bracket = values.bracket(time_s);
+        let (floor, ceiling) = (values.stored(bracket.floor), values.stored(bracket.ceiling));
+        let before = self.sample(values, floor, ogawa)?;
+        if floor == ceiling {
+            return Ok(before);
+        }
+        Ok(between(before, self.sample(values, ceiling, ogawa)?, bracket.fraction))
+    }
+
+    /// Whether the transforms above apply at a time.
+    ///
+    /// # Errors
+    /// A sample that cannot be read.
+    pub(super) fn inherits(&self, time_s: f64, ogawa: &Ogawa) -> Outcome<bool> {
+        match &self.inherits {
+            Inherits::Always(inherits) => Ok(*inherits),
+            Inherits::Sampled(property) => {
+                flag(property, property.stored(property.bracket(time_s).floor), ogawa)
+            }
+        }
+    }
+
+    fn sample(&self, values: &Property, stored: u32, ogawa: &Ogawa) -> Outcome<DMat4> {
+        let read = || {
+            let values = values.f64s(stored, ogawa)?;
+            let mut rest = values.as_slice();
+            let mut local = DMat4::IDENTITY;
+            for operation in &self.operations {
+                let Some((own, others)) = rest.split_at_checked(operation.channels()) else {
+                    let needed: usize = self.operations.iter().map(|operation| operation.channels()).sum();
+                    return Err(Fault::new(
+                        format!(
+                            "the transform's operations take {needed} numbers, but a sample has {}",
+                            values.len()
+                        ),
+                        "the file is damaged: export it again",
+                    ));
+                };
+                local *= operation.matrix(own);
+                rest = others;
+            }
+            Ok(local)
+        };
+        self.cache.get(stored, read, |_| size_of::<DMat4>() as u64).map(|matrix| *matrix)
+    }
+}
+
+fn flag(property: &Property, stored: u32, ogawa: &Ogawa) -> Outcome<bool> {
+    Ok(property.bytes(stored, ogawa)?.first().is_none_or(|byte| *byte != 0))
+}
+
+/// The transform a share of the way from one to another: translation linear, rotation spherical,
+/// scale and shear linear. Where one of them has no inverse or they mirror differently, there is no
+/// rotation from one to the other, and the matrices are mixed.
+fn between(before: DMat4, after: DMat4, fraction: f64) -> DMat4 {
+    let linear = |a: DMat4, b: DMat4| a * (1.0 - fraction) + b * fraction;
+    if before == after {
+        return before;
+    }
+    let (Some(a), Some(b)) = (Polar::new(before), Polar::new(after)) else { return linear(before, after) };
+    if a.mirror != b.mirror {
+        return linear(before, after);
+    }
+    let rotation = DMat3::from_quat(a.rotation.slerp(b.rotation, fraction));
+    let stretch = a.stretch * (1.0 - fraction) + b.stretch * fraction;
+    let linear_part = rotation * stretch * a.mirror;
+    let translation = before.w_axis.lerp(after.w_axis, fraction);
+    let mut mixed = DMat4::from_mat3(linear_part);
+    mixed.w_axis = translation;
+    mixed
+}
+
+/// A linear map as a rotation after a symmetric stretch, times −1 where it mirrors: M = ±R S.
+/// For a rotation after a scale, that is what S is.
+struct Polar {
+    rotation: DQuat,
+    stretch: DMat3,
+    mirror: f64,
+}
+
+impl Polar {
+    fn new(matrix: DMat4) -> Option<Self> {
+        let linear = DMat3::from_mat4(matrix);
+        let determinant = linear.determinant();
+        let size = linear.x_axis.length().max(linear.y_axis.length()).max(linear.z_axis.length());
+        // False for a NaN too.
+        let has_inverse = determinant.abs() > 1e-12 * size.powi(3);
+        if !has_inverse {
+            return None;
+        }
+        let mirror = determinant.signum();
+        let upright = linear * mirror;
+        // Higham 1986: X ← (g X + X⁻ᵀ / g) / 2 tends to the nearest rotation; g = √(|X⁻¹| / |X|).
+        let mut rotation = upright;
+        for _ in 0..64 {
+            let inverse_transposed = rotation.inverse().transpose();
+            let gain = (frobenius(inverse_transposed) / frobenius(rotation)).sqrt();
+            let next = (rotation * gain + inverse_transposed * (1.0 / gain)) * 0.5;
+            let change = frobenius(next - rotation);
+            rotation = next;
+            if change < 1e-13 {
+                break;
+            }
+        }
+        let stretch = rotation.transpose() * upright;
+        let rotation = DQuat::from_mat3(&rotation).normalize();
+        (rotation.is_finite() && stretch.is_finite()).then_some(Self { rotation, stretch, mirror })
+    }
+}
+
+fn frobenius(matrix: DMat3) -> f64 {
+    (matrix.x_axis.length_squared() + matrix.y_axis.length_squared() + matrix.z_axis.length_squared()).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn close(a: DMat4, b: DMat4) -> bool {
+        a.to_cols_array().iter().zip(b.to_cols_array()).all(|(a, b)| (a - b).abs() < 1e-12)
+    }
+
+    #[test]
+    fn between_two_rigid_poses_the_rotation_is_spherical() {
+        let pose = |degrees: f64, x: f64, scale: DVec3| {
+            DMat4::from_scale_rotation_translation(
+                scale,
+                DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -1.0).normalize(), degrees.to_radians()),
+                DVec3::new(x, -2.0 * x, 3.0),
+            )
+        };
+        let (from, to) = (DVec3::new(1.0, 2.0, 3.0), DVec3::new(3.0, 2.0, 1.0));
+        for mirror in [1.0, -1.0] {
+            for step in 0..=10 {
+                let share = f64::from(step) / 10.0;
+                let expected = pose(20.0 + 150.0 * share, 5.0 * share, from.lerp(to, share) * mirror);
+                let found = between(pose(20.0, 0.0, from * mirror), pose(170.0, 5.0, to * mirror), share);
+                assert!(close(found, expected), "{mirror} {share}: {found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_flat_or_broken_matrix_is_mixed_and_ends_at_its_ends() {
+        let flat = DMat4::from_scale(DVec3::new(1.0, 0.0, 1.0));
+        let turned = DMat4::from_rotation_y(1.0);
+        let mirrored = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
+        for other in [flat, mirrored] {
+            assert!(close(between(other, turned, 0.0), other));
+            assert!(close(between(other, turned, 0.5), (other + turned) * 0.5));
+        }
+        let broken = DMat4::from_scale(DVec3::new(f64::NAN, 1.0, f64::INFINITY));
+        assert!(between(broken, turned, 0.5).is_nan());
+    }
+
+    #[test]
+    fn a_sheared_matrix_is_put_together_again() {
+        let sheared = DMat4::from_cols_array(&[
+            1.0, 0.2, 0.0, 0.0, 0.7, 2.0, 0.3, 0.0, -0.4, 0.1, 1e-3, 0.0, 1.0, 2.0, 3.0, 1.0,
+        ]);
+        let polar = Polar::new(sheared).expect("it has an inverse");
+        let again = DMat3::from_quat(polar.rotation) * polar.stretch * polar.mirror;
+        assert!((again - DMat3::from_mat4(sheared)).to_cols_array().iter().all(|e| e.abs() < 1e-12));
+        assert!((polar.stretch - polar.stretch.transpose()).to_cols_array().iter().all(|e| e.abs() < 1e-12));
+    }
+}
