@@ -331,10 +331,8 @@ proptest! {
 
 /// Where the shared recordings lie: `FROUFROU_DATA`, or the folder beside the workspace.
 fn shared_data() -> PathBuf {
-    std::env::var_os("FROUFROU_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        PathBuf::from,
-    )
+    std::env::var_os("FROUFROU_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from)
 }
 
 #[test]

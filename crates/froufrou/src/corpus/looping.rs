@@ -196,7 +196,8 @@ mod tests {
             for (sum, part) in sums.iter_mut().zip(squares.chunks_exact(window)) {
                 *sum += part.iter().sum::<f64>() / (window as f64 * loops as f64);
             }
-            plain += looped[5000..15_000].iter().map(|&v| f64::from(v).powi(2)).sum::<f64>() / 1e4 / loops as f64;
+            plain +=
+                looped[5000..15_000].iter().map(|&v| f64::from(v).powi(2)).sum::<f64>() / 1e4 / loops as f64;
         }
         for (part, sum) in sums.iter().enumerate() {
             let change_db = 10.0 * (sum / plain).log10();

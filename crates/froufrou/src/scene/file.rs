@@ -30,6 +30,9 @@ pub struct Scene {
     pub seed: u64,
     /// Length of the soundtrack in seconds; `None`: until everything has ended and arrived.
     pub duration_s: Option<f64>,
+    /// The time in the clock of the animation files at which the soundtrack begins; `None`: at the
+    /// earliest sample of any of them.
+    pub start_s: Option<f64>,
     /// Speed of sound in metres a second.
     pub speed_of_sound_mps: f64,
     /// How often hand-set tracks are sampled, in hertz.

@@ -2,15 +2,13 @@
 
 pub mod alembic;
 pub mod animation;
-<<<<<<< HEAD
 pub mod asset;
 pub mod contact_log;
 pub mod file;
+mod positioned_file;
 mod read;
 mod toml;
 pub mod track;
+pub mod world;
 
 pub use file::Scene;
-=======
-mod positioned_file;
->>>>>>> alembic

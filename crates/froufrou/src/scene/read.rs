@@ -22,6 +22,7 @@ const SCENE: Keys = &[
     "rate",
     "seed",
     "duration",
+    "start",
     "speed_of_sound",
     "frame_rate",
     "listener",
@@ -142,6 +143,7 @@ pub(super) fn scene(text: &str, file: &Path, folder_path: &Path, folder: &Folder
         // TOML's whole numbers end at 2⁶³ − 1.
         seed: top.get("seed").map_or(Ok(0), |n| n.whole("a seed", 0, i64::MAX as u64))?,
         duration_s: top.get("duration").map(|n| n.positive("a number of seconds")).transpose()?,
+        start_s: top.get("start").map(|n| n.number("a number of seconds")).transpose()?,
         speed_of_sound_mps: number("speed_of_sound", 343.0)?,
         frame_rate_hz: top
             .get("frame_rate")

@@ -9,6 +9,8 @@
 //! A *thread* is one sounding instance: it starts, has keys and ends. All times of a thread are in
 //! the time of its source (when the sound leaves, not when it arrives), in seconds.
 
+pub mod compose;
+
 /// What a thread plays.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sound {

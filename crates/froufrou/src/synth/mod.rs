@@ -2,5 +2,6 @@
 
 pub mod mixer;
 pub mod path;
+pub mod prototypes;
 pub mod sinc;
 pub mod voice;

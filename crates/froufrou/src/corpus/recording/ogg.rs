@@ -39,7 +39,8 @@ fn read_page(bytes: &[u8], position: usize) -> Result<Option<Page<'_>>> {
         return Err(Error::new("expected a page of Ogg").at(Place::Byte(position as u64)));
     }
     let header = rest.get(..27).ok_or_else(short)?;
-    let number = |from: usize, to: usize| header[from..to].iter().rev().fold(0u64, |n, b| n << 8 | u64::from(*b));
+    let number =
+        |from: usize, to: usize| header[from..to].iter().rev().fold(0u64, |n, b| n << 8 | u64::from(*b));
     let segments = usize::from(header[26]);
     let lacing = rest.get(27..27 + segments).ok_or_else(short)?;
     let length = 27 + segments + lacing.iter().map(|l| usize::from(*l)).sum::<usize>();
@@ -233,7 +234,9 @@ impl Stream {
             if let Some(recording) = recording
                 && (recording.rate_hz, recording.channels.len()) != (rate_hz, channels)
             {
-                return Err(Error::new("the rate or the channels change in the middle of the file").help(CONVERT));
+                return Err(
+                    Error::new("the rate or the channels change in the middle of the file").help(CONVERT)
+                );
             }
             self.identification = Some(header);
             return Ok(());
@@ -255,9 +258,8 @@ impl Stream {
         if packet.is_empty() {
             return Ok(());
         }
-        let block: Vec<Vec<f32>> =
-            read_audio_packet_generic(identification, setup, packet, &mut self.window)
-                .map_err(|e| corrupt("sound", &e))?;
+        let block: Vec<Vec<f32>> = read_audio_packet_generic(identification, setup, packet, &mut self.window)
+            .map_err(|e| corrupt("sound", &e))?;
         let order = wav_order(block.len());
         let block: Vec<Vec<f32>> = match order {
             Some(order) => order.iter().map(|&from| block[from].clone()).collect(),
@@ -334,9 +336,7 @@ fn weigh_codebooks(packet: &[u8]) -> Result<()> {
 
 /// The largest number whose power of so many dimensions is at most the entries.
 fn grid_side(entries: u64, dimensions: u64) -> u64 {
-    let fits = |side: u64| {
-        side.checked_pow(dimensions as u32).is_some_and(|volume| volume <= entries)
-    };
+    let fits = |side: u64| side.checked_pow(dimensions as u32).is_some_and(|volume| volume <= entries);
     (1..=entries).take_while(|&side| fits(side)).last().unwrap_or(0)
 }
 
@@ -350,9 +350,9 @@ impl Bits<'_> {
     fn take(&mut self, count: u32) -> Result<u64> {
         let from = self.position;
         self.skip(u64::from(count))?;
-        Ok((from..self.position).rev().fold(0, |number, at| {
-            number << 1 | u64::from(self.bytes[(at / 8) as usize] >> (at % 8) & 1)
-        }))
+        Ok((from..self.position)
+            .rev()
+            .fold(0, |number, at| number << 1 | u64::from(self.bytes[(at / 8) as usize] >> (at % 8) & 1)))
     }
 
     fn skip(&mut self, count: u64) -> Result<()> {

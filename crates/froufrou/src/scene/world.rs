@@ -1,0 +1,443 @@
+//! A scene with its animations opened: where everything is at any moment.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+use super::alembic::Alembic;
+use super::animation::{Animation, KeyTimes, Mesh, ObjectKind, Transform};
+use super::file::{Microphone, Motion, Point, Scene, Source};
+use super::track::{Interpolation, Track, facing_frame};
+use crate::score::Pose;
+use crate::{Error, Place, Result};
+
+/// Opens an animation file of any format that is known, told apart by its content.
+///
+/// # Errors
+/// A file that cannot be read, or whose format is not known.
+pub fn open_animation(path: impl AsRef<Path>) -> Result<Arc<dyn Animation>> {
+    Ok(Arc::new(Alembic::open(path)?))
+}
+
+/// Something that is somewhere at every moment.
+#[derive(Clone)]
+pub struct Carrier {
+    way: Way,
+    /// Where its sounds come from.
+    point: Point,
+    /// Seconds that the soundtrack's time 0 comes after that of the way.
+    origin_s: f64,
+    /// How often a hand-set track is sampled.
+    frame_rate_hz: f64,
+}
+
+#[derive(Clone)]
+enum Way {
+    Track(Arc<Track>),
+    Animated { animation: Arc<dyn Animation>, object: usize, mesh: Arc<Mutex<Mesh>> },
+}
+
+impl Carrier {
+    /// Something that stands still.
+    pub fn still(position_m: [f64; 3]) -> Self {
+        let key = super::track::TrackKey { time_s: 0.0, position_m, facing: [0.0, 0.0, -1.0] };
+        let track = Track { keys: vec![key], interpolation: Interpolation::Linear };
+        let way = Way::Track(Arc::new(track));
+        Self { way, point: Point::Offset([0.0; 3]), origin_s: 0.0, frame_rate_hz: 1.0 }
+    }
+
+    /// The same carrier, with another point of it: a world position that is fixed to it from a
+    /// moment on, such as where it was hit.
+    ///
+    /// # Errors
+    /// A sample that cannot be read.
+    pub fn holding(&self, position_m: [f64; 3], time_s: f64) -> Result<Self> {
+        let local = match into_local(&self.frame(time_s)?, position_m) {
+            Some(local) => Point::Offset(local),
+            // Scaled to nothing: there is no place on it but its own.
+            None => Point::Offset([0.0; 3]),
+        };
+        Ok(Self { point: local, ..self.clone() })
+    }
+
+    /// The local-to-world transform at a time of the soundtrack.
+    ///
+    /// # Errors
+    /// A sample that cannot be read.
+    pub fn frame(&self, time_s: f64) -> Result<Transform> {
+        match &self.way {
+            Way::Track(track) => Ok(track.frame(time_s + self.origin_s)),
+            Way::Animated { animation, object, .. } => animation.transform(*object, time_s + self.origin_s),
+        }
+    }
+
+    /// Where its sounds come from at a time of the soundtrack, in metres.
+    ///
+    /// # Errors
+    /// A sample that cannot be read; a vertex that the mesh does not have; a position that is not a
+    /// number.
+    pub fn position_m(&self, time_s: f64) -> Result<[f64; 3]> {
+        let position = match (&self.way, self.point) {
+            (Way::Track(track), Point::Offset([0.0, 0.0, 0.0])) => track.position_m(time_s + self.origin_s),
+            (Way::Animated { animation, object, mesh }, Point::Vertex(vertex)) => {
+                let mut mesh = mesh.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+                animation.mesh(*object, time_s + self.origin_s, &mut mesh)?;
+                let position = mesh.positions.get(vertex).ok_or_else(|| {
+                    self.fault(format!(
+                        "has no vertex {vertex} at {time_s} s: its mesh has {}",
+                        mesh.positions.len()
+                    ))
+                    .help("they are counted from 0")
+                })?;
+                position.map(f64::from)
+            }
+            (_, Point::Offset(offset)) => into_world(&self.frame(time_s)?, offset),
+            (Way::Track(track), Point::Vertex(_)) => track.position_m(time_s + self.origin_s),
+        };
+        if position.iter().all(|c| c.is_finite()) {
+            Ok(position)
+        } else {
+            Err(self.fault(format!("is at no finite position at {time_s} s")))
+        }
+    }
+
+    fn fault(&self, what: String) -> Error {
+        match &self.way {
+            Way::Track(_) => Error::new(format!("the track {what}")),
+            Way::Animated { animation, object, .. } => {
+                let path = animation.objects().get(*object).map_or("", |o| &o.path);
+                Error::new(what).at(Place::Part(path.to_owned()))
+            }
+        }
+    }
+
+    /// The next time after `time_s` at which its motion has a key, if any. A hand-set track has keys
+    /// on a grid of its frame rate besides its own.
+    pub fn next_key_s(&self, time_s: f64) -> Option<f64> {
+        let time = time_s + self.origin_s;
+        let next = match &self.way {
+            Way::Track(track) => {
+                let (first, last) = (track.keys.first()?.time_s, track.keys.last()?.time_s);
+                if time >= last || first == last {
+                    return None;
+                }
+                let own = track.keys[track.keys.partition_point(|key| key.time_s <= time)].time_s;
+                let grid = match track.interpolation {
+                    Interpolation::Step => own,
+                    _ if time < first => first,
+                    // The small part keeps a grid time from being followed by itself.
+                    _ => ((time * self.frame_rate_hz + 1e-6).floor() + 1.0) / self.frame_rate_hz,
+                };
+                own.min(grid)
+            }
+            Way::Animated { animation, object, .. } => {
+                let times = &animation.objects().get(*object)?.key_times;
+                let next = match times {
+                    KeyTimes::Static => return None,
+                    KeyTimes::Uniform { start_s, step_s, .. } => {
+                        ((time - start_s) / step_s + 1e-6).floor().max(-1.0) as usize + 1
+                    }
+                    KeyTimes::Listed(times) => times.partition_point(|&t| t <= time),
+                };
+                // A floor of −1 is the key before the first.
+                let next = if times.get(0)? > time { 0 } else { next };
+                times.get(next)?
+            }
+        };
+        Some(next - self.origin_s).filter(|&next_s| next_s > time_s)
+    }
+
+    /// True where it is suddenly elsewhere at a key, not on its way.
+    ///
+    /// A track in steps says so. An animation does not: there a jump is a frame in which the object
+    /// is more than eight times as fast as in the frames before and after, and faster than 20 m/s.
+    ///
+    /// # Errors
+    /// A sample that cannot be read.
+    pub fn jumps_at(&self, time_s: f64, before_s: f64) -> Result<bool> {
+        match &self.way {
+            Way::Track(track) => Ok(track.interpolation == Interpolation::Step),
+            Way::Animated { .. } => {
+                let step_s = time_s - before_s;
+                let speed = |a: f64, b: f64| -> Result<f64> {
+                    let (p, q) = (self.position_m(a)?, self.position_m(b)?);
+                    Ok((0..3).map(|i| (q[i] - p[i]).powi(2)).sum::<f64>().sqrt() / step_s)
+                };
+                let here = speed(before_s, time_s)?;
+                if here < JUMP_MPS {
+                    return Ok(false);
+                }
+                let around = speed(before_s - step_s, before_s)?.max(speed(time_s, time_s + step_s)?);
+                Ok(here > JUMP_RATIO * around)
+            }
+        }
+    }
+
+    /// The last time at which it moves, in seconds of the soundtrack.
+    pub fn end_s(&self) -> f64 {
+        let end = match &self.way {
+            Way::Track(track) if track.keys.len() > 1 => track.keys.last().map(|key| key.time_s),
+            Way::Track(_) => None,
+            Way::Animated { animation, object, .. } => {
+                animation.objects().get(*object).and_then(|o| o.key_times.span_s()).map(|(_, end)| end)
+            }
+        };
+        end.map_or(0.0, |end| end - self.origin_s)
+    }
+}
+
+/// Slower than this, in metres a second, nothing is taken to have jumped.
+const JUMP_MPS: f64 = 20.0;
+
+/// How much faster than the frames around it a jump is.
+const JUMP_RATIO: f64 = 8.0;
+
+/// An object of the world: what the scene calls one name may be several objects of a file.
+pub struct Body {
+    /// The name that its stem bears.
+    pub name: String,
+    /// What carries it; `None` for what is known from contact logs alone.
+    pub carrier: Option<Carrier>,
+}
+
+/// A microphone in the world.
+pub struct Ear {
+    carrier: Carrier,
+    offset_m: [f64; 3],
+    facing: [f64; 3],
+}
+
+impl Ear {
+    /// Where it is and which way it faces at a time of the soundtrack.
+    ///
+    /// # Errors
+    /// A sample that cannot be read, or a position that is not a number.
+    pub fn pose(&self, time_s: f64) -> Result<Pose> {
+        let frame = self.carrier.frame(time_s)?;
+        let position_m = into_world(&frame, self.offset_m);
+        let facing: [f64; 3] = std::array::from_fn(|i| (0..3).map(|k| frame[i][k] * self.facing[k]).sum());
+        let length = facing.iter().map(|c| c * c).sum::<f64>().sqrt();
+        if !position_m.iter().all(|c| c.is_finite()) || !length.is_finite() || length == 0.0 {
+            return Err(self.carrier.fault(format!("is at no place to hear from at {time_s} s")));
+        }
+        // Rounded far below what is heard, so that a score is good to read.
+        let tidy = |c: f64| (c * 1e9).round() / 1e9 + 0.0;
+        Ok(Pose { position_m: position_m.map(tidy), facing: facing.map(|c| tidy(c / length)) })
+    }
+
+    /// What carries it.
+    pub fn carrier(&self) -> &Carrier {
+        &self.carrier
+    }
+}
+
+/// A scene with its animations opened.
+pub struct World {
+    /// The bodies of each object of the scene, in its order.
+    pub objects: Vec<Vec<Body>>,
+    /// The microphones of the scene, in its order.
+    pub ears: Vec<Ear>,
+}
+
+impl World {
+    /// Opens the animations of a scene and finds its objects in them.
+    ///
+    /// # Errors
+    /// An animation that cannot be read, or an object that is not in it.
+    pub fn open(scene: &Scene) -> Result<Self> {
+        let mut files = Files::open(scene)?;
+        let frame_rate_hz = scene.frame_rate_hz;
+        let mut objects = Vec::with_capacity(scene.objects.len());
+        for object in &scene.objects {
+            let carriers: Vec<(Option<String>, Option<Carrier>)> = match &object.motion {
+                None => vec![(None, None)],
+                Some(Motion::Track(track)) => {
+                    vec![(None, Some(track_carrier(track, object.point, frame_rate_hz)))]
+                }
+                Some(Motion::Source(source)) => {
+                    let found = files.find(source)?;
+                    let several = found.len() > 1;
+                    let carriers = found.into_iter().map(|(path, way, origin_s)| {
+                        let carrier = Carrier { way, point: object.point, origin_s, frame_rate_hz };
+                        (several.then_some(path), Some(carrier))
+                    });
+                    carriers.collect()
+                }
+            };
+            let bodies = carriers.into_iter().map(|(path, carrier)| {
+                let name = path.map_or_else(|| object.name.clone(), |path| format!("{}{path}", object.name));
+                Body { name, carrier }
+            });
+            objects.push(bodies.collect());
+        }
+        let ears = scene.microphones.iter().map(|microphone| files.ear(microphone, frame_rate_hz));
+        Ok(Self { ears: ears.collect::<Result<_>>()?, objects })
+    }
+
+    /// The last time at which anything moves, in seconds of the soundtrack.
+    pub fn end_s(&self) -> f64 {
+        let bodies = self.objects.iter().flatten().filter_map(|body| body.carrier.as_ref());
+        bodies.chain(self.ears.iter().map(|ear| &ear.carrier)).map(Carrier::end_s).fold(0.0, f64::max)
+    }
+}
+
+fn track_carrier(track: &Track, point: Point, frame_rate_hz: f64) -> Carrier {
+    Carrier { way: Way::Track(Arc::new(track.clone())), point, origin_s: 0.0, frame_rate_hz }
+}
+
+/// The animation files of a scene, each opened once.
+struct Files {
+    opened: BTreeMap<PathBuf, Arc<dyn Animation>>,
+    /// The time in the files' clock at which the soundtrack begins.
+    start_s: f64,
+}
+
+impl Files {
+    fn open(scene: &Scene) -> Result<Self> {
+        let motions = scene.objects.iter().filter_map(|o| o.motion.as_ref());
+        let mut opened = BTreeMap::new();
+        for motion in motions.chain(scene.microphones.iter().map(|m| &m.motion)) {
+            if let Motion::Source(source) = motion
+                && !opened.contains_key(&source.file.path)
+            {
+                opened.insert(source.file.path.clone(), open_animation(&source.file.path)?);
+            }
+        }
+        let first = |animation: &Arc<dyn Animation>| {
+            let starts = animation.objects().iter().filter_map(|o| o.key_times.span_s());
+            starts.map(|(start, _)| start).fold(f64::INFINITY, f64::min)
+        };
+        let earliest = opened.values().map(first).fold(f64::INFINITY, f64::min);
+        let start_s = scene.start_s.unwrap_or(if earliest.is_finite() { earliest } else { 0.0 });
+        Ok(Self { opened, start_s })
+    }
+
+    /// The objects that a source names: their path, their way and the time their soundtrack begins.
+    fn find(&mut self, source: &Source) -> Result<Vec<(String, Way, f64)>> {
+        let animation = &self.opened[&source.file.path];
+        let all = animation.objects();
+        let mut found: Vec<usize> = (0..all.len()).filter(|&i| source.object.matches(&all[i].path)).collect();
+        // Exporters put a mesh or camera under a transform of its name. Where both match, or the
+        // transform alone was named, one of them is the object.
+        let is_parent = |parent: usize, child: usize| {
+            all[child].path.strip_prefix(&all[parent].path).is_some_and(|rest| rest.starts_with('/'))
+        };
+        let shapes: Vec<usize> =
+            found.iter().copied().filter(|&i| all[i].kind != ObjectKind::Transform).collect();
+        found.retain(|&i| !shapes.iter().any(|&shape| is_parent(i, shape)));
+        for object in &mut found {
+            let children: Vec<usize> = (0..all.len()).filter(|&c| is_parent(*object, c)).collect();
+            if let [only] = children[..]
+                && all[*object].kind == ObjectKind::Transform
+                && all[only].kind != ObjectKind::Transform
+            {
+                *object = only;
+            }
+        }
+        if found.is_empty() {
+            let names = all.iter().map(|o| o.path.as_str());
+            let help = match nearest(source.object.text(), names) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => "`froufrou info` on the file lists its objects".to_owned(),
+            };
+            return Err(Error::new("no object of the file has this path")
+                .in_file(&source.file.path)
+                .at(Place::Part(source.object.text().to_owned()))
+                .help(help));
+        }
+        let ways = found.into_iter().map(|object| {
+            let mesh = Arc::new(Mutex::new(Mesh::default()));
+            let way = Way::Animated { animation: Arc::clone(animation), object, mesh };
+            (all[object].path.clone(), way, self.start_s - source.time_offset_s)
+        });
+        Ok(ways.collect())
+    }
+
+    fn ear(&mut self, microphone: &Microphone, frame_rate_hz: f64) -> Result<Ear> {
+        let point = Point::Offset(microphone.local_offset_m);
+        let carrier = match &microphone.motion {
+            Motion::Track(track) => track_carrier(track, point, frame_rate_hz),
+            Motion::Source(source) => {
+                let mut found = self.find(source)?;
+                if found.len() > 1 {
+                    return Err(Error::new(format!(
+                        "{} objects match; a microphone rides on one",
+                        found.len()
+                    ))
+                    .in_file(&source.file.path)
+                    .at(Place::Part(source.object.text().to_owned()))
+                    .help("name it without `*`"));
+                }
+                let (_, way, origin_s) = found.remove(0);
+                Carrier { way, point, origin_s, frame_rate_hz }
+            }
+        };
+        Ok(Ear { carrier, offset_m: microphone.local_offset_m, facing: microphone.local_facing })
+    }
+}
+
+fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    let distance = |known: &str| strsim::normalized_damerau_levenshtein(name, known);
+    known
+        .map(|k| (distance(k), k))
+        .filter(|&(d, _)| d > 0.5)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, k)| k)
+}
+
+fn into_world(frame: &Transform, [x, y, z]: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| frame[i][0] * x + frame[i][1] * y + frame[i][2] * z + frame[i][3])
+}
+
+/// The local coordinates of a world position, if the transform can be inverted.
+fn into_local(frame: &Transform, position: [f64; 3]) -> Option<[f64; 3]> {
+    let column = |k: usize| glam::DVec3::new(frame[0][k], frame[1][k], frame[2][k]);
+    let matrix = glam::DMat3::from_cols(column(0), column(1), column(2));
+    let local = matrix.inverse() * (glam::DVec3::from(position) - column(3));
+    local.is_finite().then(|| local.to_array())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::track::TrackKey;
+
+    fn key(time_s: f64, x: f64) -> TrackKey {
+        TrackKey { time_s, position_m: [x, 0.0, 0.0], facing: [1.0, 0.0, 0.0] }
+    }
+
+    #[test]
+    fn a_track_is_sampled_at_its_keys_and_on_the_grid() {
+        let track = Track {
+            keys: vec![key(0.05, 0.0), key(0.23, 1.0), key(0.3, 2.0)],
+            interpolation: Interpolation::Linear,
+        };
+        let carrier = track_carrier(&track, Point::Offset([0.0; 3]), 10.0);
+        let mut times = vec![];
+        let mut time = 0.0;
+        while let Some(next) = carrier.next_key_s(time) {
+            times.push(next);
+            time = next;
+        }
+        assert_eq!(times, [0.05, 0.1, 0.2, 0.23, 0.3]);
+        assert!(carrier.next_key_s(7.0).is_none() && Carrier::still([1.0; 3]).next_key_s(-1.0).is_none());
+    }
+
+    #[test]
+    fn what_was_hit_carries_the_place_along() {
+        let track = Track { keys: vec![key(0.0, 0.0), key(1.0, 10.0)], interpolation: Interpolation::Linear };
+        let carrier = track_carrier(&track, Point::Offset([0.0; 3]), 10.0);
+        let hit = carrier.holding([2.0, 3.0, 4.0], 0.2).unwrap();
+        let there = hit.position_m(0.7).unwrap();
+        assert!((0..3).all(|i| (there[i] - [7.0, 3.0, 4.0][i]).abs() < 1e-12), "{there:?}");
+    }
+
+    #[test]
+    fn local_and_world_are_inverse() {
+        let frame = facing_frame([1.0, 2.0, 3.0], [0.6, 0.0, 0.8]);
+        let local = into_local(&frame, [4.0, -1.0, 0.5]).unwrap();
+        let world = into_world(&frame, local);
+        assert!((0..3).all(|i| (world[i] - [4.0, -1.0, 0.5][i]).abs() < 1e-12));
+        assert_eq!(into_local(&[[0.0; 4]; 4], [1.0; 3]), None);
+    }
+}
