@@ -7,7 +7,27 @@
 //! channel.
 //!
 //! A *thread* is one sounding instance: it starts, has keys and ends. All times of a thread are in
-//! the time of its source (when the sound leaves, not when it arrives), in seconds.
+//! the time of its source (when the sound leaves, not when it arrives), in seconds. A thread without
+//! an `end` goes on as at its last line until its recording is over or, where that loops, until the
+//! score's duration.
+//!
+//! A score is also a text, described in `docs/score.md`, which says exactly what is in memory: a
+//! [`Reader`] takes it in line by line, a [`Writer`] puts it out line by line, and a [`Document`]
+//! holds it whole with its comments.
+
+mod document;
+mod lexer;
+mod quantity;
+mod read;
+mod rules;
+mod space;
+mod write;
+
+pub use document::{AnyDocument, ChannelDocument, Document, Note, Noted, ObjectDocument};
+pub use lexer::MAX_LINE_BYTES;
+pub use read::{AnyReader, AnySpace, ByTime, ChannelReader, ObjectReader, Reader, VERSION, compare};
+pub use space::{ChannelSpace, ObjectSpace, Space};
+pub use write::{ChannelWriter, ObjectWriter, Writer};
 
 /// What a thread plays.
 #[derive(Debug, Clone, PartialEq)]
@@ -85,16 +105,16 @@ pub struct Microphone {
 pub struct Placement {
     /// World position in metres.
     pub position_m: [f64; 3],
-    /// Pressure gain at a distance of 1 m.
+    /// Pressure gain at a distance of 1 m, 0 or above.
     pub gain: f64,
 }
 
 /// The value of a key in channel space, for one channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Arrival {
-    /// Pressure gain.
+    /// Pressure gain, 0 or above.
     pub gain: f64,
-    /// Seconds from leaving the source to arriving.
+    /// Seconds from leaving the source to arriving, 0 or above.
     pub delay_s: f64,
 }
 
@@ -148,7 +168,8 @@ pub struct MicrophoneKey {
     pub time_s: f64,
     /// World position in metres.
     pub position_m: [f64; 3],
-    /// Unit vector of the direction it faces.
+    /// The direction it faces: a vector of any length above zero, kept as it was given, so that the
+    /// text of a score says exactly what is in memory. Who computes with it normalises it.
     pub facing: [f64; 3],
     /// True where the microphone is suddenly here (a camera cut).
     pub cut: bool,

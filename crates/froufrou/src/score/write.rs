@@ -1,0 +1,344 @@
+//! Writing a score: the header, then its lines one by one, each complete in itself.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use super::document::{Declared, Note};
+use super::lexer::{MAX_LINE_BYTES, push_name, push_quoted};
+use super::read::{VERSION, check_line};
+use super::rules::{Fault, Rules};
+use super::space::{ChannelSpace, LineRef, ObjectSpace, Space, push_whereabouts};
+use super::{Header, Order, Repeat, Sound, Verb, quantity};
+use crate::{Error, Result};
+
+/// Writes a score line by line, in its canonical form.
+///
+/// It checks what it writes by the same rules as a [`Reader`](super::Reader), so that what was
+/// written without an error reads back, and reads back the same. Memory is taken for the header and
+/// for the threads that have started and not ended. Call [`finish`](Self::finish) at the end.
+///
+/// ```
+/// use froufrou::score::{Arrival, ChannelWriter, Header, Order, Repeat, Sound, Start, Statement, Verb};
+///
+/// let header = Header {
+///     speed_of_sound_mps: 343.0,
+///     duration_s: None,
+///     order: Order::Time,
+///     sounds: vec![Sound {
+///         name: "drip".into(),
+///         recording: "drip.wav".into(),
+///         repeat: Repeat::Once,
+///         channel: None,
+///     }],
+///     receivers: vec!["left".to_string(), "right".to_string()],
+/// };
+/// let start = Start {
+///     sound: "drip".into(),
+///     speed: 1.0,
+///     offset_s: 0.0,
+///     object: String::new(),
+///     cause: "a leak".into(),
+/// };
+/// let arrival = |gain, delay_s| Arrival { gain, delay_s };
+///
+/// let mut writer = ChannelWriter::new(Vec::new(), &header)?;
+/// writer.write(&Statement {
+///     thread: 1,
+///     time_s: 0.5,
+///     verb: Verb::Start(start),
+///     value: vec![arrival(0.5, 0.01), arrival(0.25, 0.011)],
+/// })?;
+/// let text = String::from_utf8(writer.finish()?)?;
+/// assert_eq!(text, r#"froufrou-score 1 channel
+/// order time
+/// speed-of-sound 343
+/// channels left right
+/// sound drip "drip.wav"
+/// start 1 0.5 drip 0.5 0.01 0.25 0.011 cause "a leak"
+/// "#);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct Writer<S: Space, W> {
+    write: W,
+    file: Option<PathBuf>,
+    receivers: Vec<S::Receiver>,
+    rules: Rules<()>,
+    /// The line at hand.
+    text: String,
+    /// How many lines are written.
+    number: usize,
+}
+
+/// Writes a score in object space.
+pub type ObjectWriter<W> = Writer<ObjectSpace, W>;
+
+/// Writes a score in channel space.
+pub type ChannelWriter<W> = Writer<ChannelSpace, W>;
+
+impl<S: Space> Writer<S, BufWriter<File>> {
+    /// Creates a file and writes the header; errors will name the file.
+    ///
+    /// # Errors
+    /// Where the file cannot be written or the header breaks a rule of the score.
+    pub fn create(path: impl AsRef<Path>, header: &Header<S::Receiver>) -> Result<Self> {
+        let path = path.as_ref();
+        let file = File::create(path).map_err(|error| Error::io("create", path, error))?;
+        Self::begin(BufWriter::new(file), Some(path.into()), header, &BTreeMap::new())
+    }
+}
+
+impl<S: Space, W: Write> Writer<S, W> {
+    /// Writes the header. Many small pieces are written: give it something with a buffer.
+    ///
+    /// # Errors
+    /// Where writing fails or the header breaks a rule of the score.
+    pub fn new(write: W, header: &Header<S::Receiver>) -> Result<Self> {
+        Self::begin(write, None, header, &BTreeMap::new())
+    }
+
+    /// Writes the header and the comments in it.
+    pub(super) fn begin(
+        write: W,
+        file: Option<PathBuf>,
+        header: &Header<S::Receiver>,
+        notes: &BTreeMap<Declared, Note>,
+    ) -> Result<Self> {
+        let mut writer = Self {
+            write,
+            file,
+            receivers: header.receivers.clone(),
+            rules: Rules::new(!S::RECEIVER_VERBS.is_empty()),
+            text: String::new(),
+            number: 0,
+        };
+        match writer.write_header(header, notes) {
+            Ok(()) => Ok(writer),
+            Err(error) => Err(writer.in_file(error)),
+        }
+    }
+
+    fn write_header(&mut self, header: &Header<S::Receiver>, notes: &BTreeMap<Declared, Note>) -> Result<()> {
+        let unplaced = |fault: Fault| *fault.error;
+        for sound in &header.sounds {
+            self.rules.declare_sound(sound).map_err(unplaced)?;
+        }
+        for receiver in &header.receivers {
+            self.rules.declare_receiver(S::receiver_name(receiver)).map_err(unplaced)?;
+        }
+        self.rules.begin(header.order, header.duration_s.is_some()).map_err(unplaced)?;
+
+        let mut notes = notes.clone();
+        for (declared, text) in header_lines::<S>(header)? {
+            self.text = text;
+            self.put(&notes.remove(&declared).unwrap_or_default())?;
+        }
+        // Comments on what the header no longer has.
+        for note in notes.into_values() {
+            for comment in note.all() {
+                self.put_comment(comment)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes a line.
+    ///
+    /// # Errors
+    /// Where writing fails or the line breaks a rule of the score; of a line refused nothing is
+    /// written, but the score cannot go on after it.
+    pub fn write(&mut self, line: &S::Line) -> Result<()> {
+        self.write_with(&Note::default(), line)
+    }
+
+    /// Writes a line and the comments around it.
+    pub(super) fn write_with(&mut self, note: &Note, line: &S::Line) -> Result<()> {
+        self.put_line(note, line).map_err(|error| self.in_file(error))
+    }
+
+    fn put_line(&mut self, note: &Note, line: &S::Line) -> Result<()> {
+        check_line::<S>(line, &mut self.rules, self.number + note.above().len() + 1)?;
+        self.text.clear();
+        push_line::<S>(&mut self.text, line, &self.receivers)?;
+        self.put(note)
+    }
+
+    /// Writes a comment of one or more lines.
+    ///
+    /// # Errors
+    /// Where writing fails or a line is too long.
+    ///
+    /// ```
+    /// # use froufrou::score::{ChannelWriter, Header, Order};
+    /// # let header = Header {
+    /// #     speed_of_sound_mps: 343.0,
+    /// #     duration_s: None,
+    /// #     order: Order::Time,
+    /// #     sounds: vec![],
+    /// #     receivers: vec!["main".to_string()],
+    /// # };
+    /// let mut writer = ChannelWriter::new(Vec::new(), &header)?;
+    /// writer.comment("the second scene")?;
+    /// assert!(writer.finish()?.ends_with(b"\n# the second scene\n"));
+    /// # Ok::<(), froufrou::Error>(())
+    /// ```
+    pub fn comment(&mut self, text: &str) -> Result<()> {
+        for line in text.lines() {
+            let comment = format!("# {line}");
+            self.put_comment(comment.trim_end()).map_err(|error| self.in_file(error))?;
+        }
+        Ok(())
+    }
+
+    /// Writes a line that is a comment or empty.
+    pub(super) fn put_comment(&mut self, comment: &str) -> Result<()> {
+        self.text.clear();
+        self.text.push_str(comment);
+        self.put_text()
+    }
+
+    /// Ends the score, flushes and gives back what was written to.
+    ///
+    /// # Errors
+    /// Where writing fails or the score breaks a rule as a whole, such as a loop that never ends.
+    pub fn finish(mut self) -> Result<W> {
+        match self.rules.finish() {
+            Ok(()) => {}
+            Err(fault) => return Err(self.in_file(*fault.error)),
+        }
+        match self.write.flush() {
+            Ok(()) => Ok(self.write),
+            Err(error) => Err(self.in_file(cannot_write(error))),
+        }
+    }
+
+    /// Writes the line at hand with the comments around it.
+    fn put(&mut self, note: &Note) -> Result<()> {
+        let text = std::mem::take(&mut self.text);
+        for comment in note.above() {
+            self.put_comment(comment)?;
+        }
+        self.text = text;
+        if let Some(comment) = note.beside() {
+            self.text.push(' ');
+            self.text.push_str(comment);
+        }
+        self.put_text()
+    }
+
+    /// Writes the line at hand.
+    fn put_text(&mut self) -> Result<()> {
+        if self.text.len() > MAX_LINE_BYTES {
+            return Err(Error::new(format!(
+                "a line of {} bytes is longer than {MAX_LINE_BYTES}, the most a score may have",
+                self.text.len()
+            )));
+        }
+        self.text.push('\n');
+        self.number += 1;
+        self.write.write_all(self.text.as_bytes()).map_err(cannot_write)
+    }
+
+    fn in_file(&self, error: Error) -> Error {
+        match &self.file {
+            Some(file) => error.in_file(file),
+            None => error,
+        }
+    }
+}
+
+fn cannot_write(error: std::io::Error) -> Error {
+    Error::new(format!("cannot write the score: {error}")).because(error)
+}
+
+/// The lines of a header in their canonical order.
+fn header_lines<S: Space>(header: &Header<S::Receiver>) -> Result<Vec<(Declared, String)>> {
+    let mut lines = vec![(Declared::FirstLine, format!("froufrou-score {VERSION} {}", S::NAME))];
+    match header.order {
+        Order::Time => lines.push((Declared::Order, "order time".into())),
+        Order::Thread => lines.push((Declared::Order, "order thread".into())),
+        Order::Free => {}
+    }
+    let mut text = String::from("speed-of-sound ");
+    quantity::SPEED_OF_SOUND.push(&mut text, header.speed_of_sound_mps)?;
+    lines.push((Declared::SpeedOfSound, text));
+    if let Some(duration_s) = header.duration_s {
+        let mut text = String::from("duration ");
+        quantity::DURATION.push(&mut text, duration_s)?;
+        lines.push((Declared::Duration, text));
+    }
+    let receivers = S::receiver_lines(&header.receivers)?;
+    lines.extend(receivers.into_iter().enumerate().map(|(index, text)| (Declared::Receiver(index), text)));
+    let sounds = header.sounds.iter().enumerate();
+    lines.extend(sounds.map(|(index, sound)| (Declared::Sound(index), sound_line(sound))));
+    Ok(lines)
+}
+
+fn sound_line(sound: &Sound) -> String {
+    let mut text = String::from("sound ");
+    push_name(&mut text, &sound.name);
+    text.push(' ');
+    push_quoted(&mut text, &sound.recording);
+    text.push_str(match sound.repeat {
+        Repeat::Once => "",
+        Repeat::Loop => " loop",
+        Repeat::ExactLoop => " loop exact",
+    });
+    if let Some(channel) = sound.channel {
+        text.push_str(&format!(" channel {channel}"));
+    }
+    text
+}
+
+fn push_line<S: Space>(text: &mut String, line: &S::Line, receivers: &[S::Receiver]) -> Result<()> {
+    match S::of_line(line) {
+        LineRef::Thread(statement) => {
+            text.push_str(match statement.verb {
+                Verb::Start(_) => "start ",
+                Verb::Key => "key ",
+                Verb::Jump => "jump ",
+                Verb::End => "end ",
+            });
+            text.push_str(&statement.thread.to_string());
+            text.push(' ');
+            quantity::TIME.push(text, statement.time_s)?;
+            if let Verb::Start(start) = &statement.verb {
+                text.push(' ');
+                push_name(text, &start.sound);
+            }
+            S::push_value(text, &statement.value, receivers)?;
+            if let Verb::Start(start) = &statement.verb {
+                // The bits are compared, so that even a negative zero comes back.
+                if start.speed != 1.0 {
+                    text.push_str(" speed ");
+                    quantity::PLAYBACK_SPEED.push(text, start.speed)?;
+                }
+                if start.offset_s.to_bits() != 0 {
+                    text.push_str(" offset ");
+                    quantity::OFFSET.push(text, start.offset_s)?;
+                }
+                if !start.object.is_empty() {
+                    text.push_str(" object ");
+                    push_name(text, &start.object);
+                }
+                if !start.cause.is_empty() {
+                    text.push_str(" cause ");
+                    push_quoted(text, &start.cause);
+                }
+            }
+        }
+        LineRef::Microphone(key) => {
+            text.push_str(if key.cut { "cut " } else { "hear " });
+            let receiver = receivers
+                .get(key.microphone)
+                .ok_or_else(|| Error::new(format!("there is no microphone with index {}", key.microphone)))?;
+            push_name(text, S::receiver_name(receiver));
+            text.push(' ');
+            quantity::TIME.push(text, key.time_s)?;
+            push_whereabouts(text, key)?;
+        }
+    }
+    Ok(())
+}
