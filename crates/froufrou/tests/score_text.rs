@@ -383,7 +383,7 @@ fn errors_of_the_header() {
         ),
         (
             "sound a \"a.wav\" exact\n",
-            "2:17: unknown word `exact`, expected `once`, `loop`, `loop exact` or `channel N` (did you mean `exact`?)",
+            "2:17: unknown word `exact`, expected `once`, `loop`, `loop exact` or `channel N`",
         ),
         ("sound a \"a.wav\" once loop\n", "2:22: `once or loop` is given twice"),
         (

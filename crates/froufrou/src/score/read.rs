@@ -154,7 +154,7 @@ impl<S: Space, R: BufRead> Reader<S, R> {
     pub fn by_time(mut self) -> Result<ByTime<S, R>> {
         let mut header = self.header.clone();
         if header.order == Order::Time {
-            return Ok(ByTime { header, lines: LinesByTime::Streamed(self) });
+            return Ok(ByTime { header, lines: LinesByTime::Streamed(Box::new(self)) });
         }
         let mut lines = self.by_ref().collect::<Result<Vec<_>>>()?;
         lines.sort_by(|a, b| compare::<S>(a, b, Order::Time));
@@ -313,7 +313,7 @@ pub struct ByTime<S: Space, R> {
 
 #[derive(Debug)]
 enum LinesByTime<S: Space, R> {
-    Streamed(Reader<S, R>),
+    Streamed(Box<Reader<S, R>>),
     Sorted(std::vec::IntoIter<S::Line>),
 }
 
@@ -505,7 +505,7 @@ fn read_sound(words: &mut Words<'_>) -> Result<Sound> {
                 once(&mut channel, keyword, words, index)?;
             }
             other => {
-                return Err(words.unknown("word", other, ["once", "loop", "exact", "channel"], expected));
+                return Err(words.unknown("word", other, ["once", "loop", "channel"], expected));
             }
         }
         may_be_exact = keyword == "loop";

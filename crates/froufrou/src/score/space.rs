@@ -20,15 +20,15 @@ mod sealed {
 /// What differs between a score in object space and one in channel space.
 ///
 /// It is implemented by [`ObjectSpace`] and [`ChannelSpace`] alone.
-pub trait Space: sealed::Sealed + Sized {
+pub trait Space: sealed::Sealed + Sized + Send + Sync + 'static {
     /// The word on a score's first line.
     const NAME: &'static str;
     /// Who receives: one output channel each.
-    type Receiver: Debug + Clone + PartialEq;
+    type Receiver: Debug + Clone + PartialEq + Send + Sync + 'static;
     /// What a thread's line says beside what it does and when.
-    type Value: Debug + Clone + PartialEq;
+    type Value: Debug + Clone + PartialEq + Send + Sync + 'static;
     /// A line after the header.
-    type Line: Debug + Clone + PartialEq;
+    type Line: Debug + Clone + PartialEq + Send + Sync + 'static;
 
     /// The keyword that declares receivers.
     #[doc(hidden)]
