@@ -1,11 +1,11 @@
 //! A whole score in memory with its comments: to edit, sort and write it again.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, Write};
 use std::path::Path;
 
-use super::read::{AnyReader, AnySpace, Reader, compare};
+use super::read::{Reader, open_file};
+use super::sort::compare;
 use super::space::{ChannelSpace, ObjectSpace, Space};
 use super::write::Writer;
 use super::{Header, Order};
@@ -137,12 +137,11 @@ impl<S: Space> Document<S> {
     /// # Errors
     /// Where the file cannot be read, is no score in this space, or is faulty.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
-        let path = path.as_ref();
-        let file = File::open(path).map_err(|error| Error::io("open", path, error))?;
-        Self::collect(Reader::with_notes(BufReader::new(file), Some(path.into()))?)
+        let (read, path) = open_file(path.as_ref())?;
+        Self::collect(Reader::with_notes(read, Some(path))?)
     }
 
-    fn collect(mut reader: Reader<S, impl BufRead>) -> Result<Self> {
+    pub(super) fn collect(mut reader: Reader<S, impl BufRead>) -> Result<Self> {
         let header_notes = reader.take_header_notes();
         let mut lines = Vec::new();
         while let Some(line) = reader.next() {
@@ -182,78 +181,5 @@ impl<S: Space> Document<S> {
     pub fn to_text(&self) -> Result<String> {
         String::from_utf8(self.write(Vec::new())?)
             .map_err(|error| Error::new("the score is not text").because(error))
-    }
-}
-
-/// A whole score of which the first line tells the space.
-///
-/// ```
-/// use froufrou::score::{AnyDocument, Order};
-///
-/// let text = "froufrou-score 1 object\nmicrophone main\n";
-/// let mut score = AnyDocument::read(text.as_bytes())?;
-/// score.sort(Order::Thread);
-/// assert_eq!(
-///     score.to_text()?,
-///     "froufrou-score 1 object\norder thread\nspeed-of-sound 343\nmicrophone main omni\n"
-/// );
-/// # Ok::<(), froufrou::Error>(())
-/// ```
-pub type AnyDocument = AnySpace<ObjectDocument, ChannelDocument>;
-
-impl AnyDocument {
-    /// Reads a whole score.
-    ///
-    /// # Errors
-    /// Where the text is no score, or is faulty.
-    pub fn read(read: impl BufRead) -> Result<Self> {
-        Self::collect(AnyReader::with_notes(read, None)?)
-    }
-
-    /// Reads a file; errors name it.
-    ///
-    /// # Errors
-    /// Where the file cannot be read, is no score, or is faulty.
-    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
-        let path = path.as_ref();
-        let file = File::open(path).map_err(|error| Error::io("open", path, error))?;
-        Self::collect(AnyReader::with_notes(BufReader::new(file), Some(path.into()))?)
-    }
-
-    fn collect(reader: AnyReader<impl BufRead>) -> Result<Self> {
-        Ok(match reader {
-            AnySpace::Object(reader) => Self::Object(Document::collect(reader)?),
-            AnySpace::Channel(reader) => Self::Channel(Document::collect(reader)?),
-        })
-    }
-
-    /// Sorts the lines, as [`Document::sort`].
-    pub fn sort(&mut self, order: Order) {
-        match self {
-            Self::Object(score) => score.sort(order),
-            Self::Channel(score) => score.sort(order),
-        }
-    }
-
-    /// Writes the score, as [`Document::write`].
-    ///
-    /// # Errors
-    /// Where writing fails or the score breaks a rule.
-    pub fn write<W: Write>(&self, write: W) -> Result<W> {
-        match self {
-            Self::Object(score) => score.write(write),
-            Self::Channel(score) => score.write(write),
-        }
-    }
-
-    /// The score's text, as [`Document::to_text`].
-    ///
-    /// # Errors
-    /// Where the score breaks a rule.
-    pub fn to_text(&self) -> Result<String> {
-        match self {
-            Self::Object(score) => score.to_text(),
-            Self::Channel(score) => score.to_text(),
-        }
     }
 }

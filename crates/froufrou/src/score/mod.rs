@@ -15,18 +15,24 @@
 //! [`Reader`] takes it in line by line, a [`Writer`] puts it out line by line, and a [`Document`]
 //! holds it whole with its comments.
 
+mod any;
 mod document;
 mod lexer;
 mod quantity;
 mod read;
 mod rules;
+mod sort;
 mod space;
+mod syntax;
 mod write;
 
-pub use document::{AnyDocument, ChannelDocument, Document, Note, Noted, ObjectDocument};
+pub use any::{AnyDocument, AnyReader, AnySpace};
+pub use document::{ChannelDocument, Document, Note, Noted, ObjectDocument};
 pub use lexer::MAX_LINE_BYTES;
-pub use read::{AnyReader, AnySpace, ByTime, ChannelReader, ObjectReader, Reader, VERSION, compare};
+pub use read::{ChannelReader, ObjectReader, Reader};
+pub use sort::{ByTime, compare};
 pub use space::{ChannelSpace, ObjectSpace, Space};
+pub use syntax::VERSION;
 pub use write::{ChannelWriter, ObjectWriter, Writer};
 
 /// What a thread plays.

@@ -312,9 +312,11 @@ impl<V> Rules<V> {
 
     /// A microphone has to be somewhere when the first sound leaves its source.
     fn check_start(&mut self, time_s: f64, line: usize) -> Result<(), Fault> {
-        if self.first_start.is_none_or(|(first_s, _)| time_s < first_s) {
-            self.first_start = Some((time_s, line));
+        if self.first_start.is_some_and(|(first_s, _)| first_s <= time_s) {
+            return Ok(());
         }
+        self.first_start = Some((time_s, line));
+        // In any other order a microphone may still say where it was.
         if self.order == Order::Time { self.check_heard() } else { Ok(()) }
     }
 

@@ -6,11 +6,11 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use super::document::{Declared, Note};
-use super::lexer::{MAX_LINE_BYTES, push_name, push_quoted};
-use super::read::{VERSION, check_line};
-use super::rules::{Fault, Rules};
-use super::space::{ChannelSpace, LineRef, ObjectSpace, Space, push_whereabouts};
-use super::{Header, Order, Repeat, Sound, Verb, quantity};
+use super::lexer::MAX_LINE_BYTES;
+use super::rules::{Fault, Rules, Step};
+use super::space::{ChannelSpace, LineRef, ObjectSpace, Space};
+use super::syntax::{header_lines, push_line};
+use super::{Header, Verb};
 use crate::{Error, Result};
 
 /// Writes a score line by line, in its canonical form.
@@ -253,91 +253,23 @@ fn cannot_write(error: std::io::Error) -> Error {
     Error::new(format!("cannot write the score: {error}")).because(error)
 }
 
-/// The lines of a header in their canonical order.
-fn header_lines<S: Space>(header: &Header<S::Receiver>) -> Result<Vec<(Declared, String)>> {
-    let mut lines = vec![(Declared::FirstLine, format!("froufrou-score {VERSION} {}", S::NAME))];
-    match header.order {
-        Order::Time => lines.push((Declared::Order, "order time".into())),
-        Order::Thread => lines.push((Declared::Order, "order thread".into())),
-        Order::Free => {}
-    }
-    let mut text = String::from("speed-of-sound ");
-    quantity::SPEED_OF_SOUND.push(&mut text, header.speed_of_sound_mps)?;
-    lines.push((Declared::SpeedOfSound, text));
-    if let Some(duration_s) = header.duration_s {
-        let mut text = String::from("duration ");
-        quantity::DURATION.push(&mut text, duration_s)?;
-        lines.push((Declared::Duration, text));
-    }
-    let receivers = S::receiver_lines(&header.receivers)?;
-    lines.extend(receivers.into_iter().enumerate().map(|(index, text)| (Declared::Receiver(index), text)));
-    let sounds = header.sounds.iter().enumerate();
-    lines.extend(sounds.map(|(index, sound)| (Declared::Sound(index), sound_line(sound))));
-    Ok(lines)
-}
-
-fn sound_line(sound: &Sound) -> String {
-    let mut text = String::from("sound ");
-    push_name(&mut text, &sound.name);
-    text.push(' ');
-    push_quoted(&mut text, &sound.recording);
-    text.push_str(match sound.repeat {
-        Repeat::Once => "",
-        Repeat::Loop => " loop",
-        Repeat::ExactLoop => " loop exact",
-    });
-    if let Some(channel) = sound.channel {
-        text.push_str(&format!(" channel {channel}"));
-    }
-    text
-}
-
-fn push_line<S: Space>(text: &mut String, line: &S::Line, receivers: &[S::Receiver]) -> Result<()> {
+/// The rules' view of a line that is in memory already.
+fn check_line<S: Space>(line: &S::Line, rules: &mut Rules<()>, number: usize) -> Result<()> {
+    let unplaced = |fault: Fault| *fault.error;
     match S::of_line(line) {
         LineRef::Thread(statement) => {
-            text.push_str(match statement.verb {
-                Verb::Start(_) => "start ",
-                Verb::Key => "key ",
-                Verb::Jump => "jump ",
-                Verb::End => "end ",
-            });
-            text.push_str(&statement.thread.to_string());
-            text.push(' ');
-            quantity::TIME.push(text, statement.time_s)?;
-            if let Verb::Start(start) = &statement.verb {
-                text.push(' ');
-                push_name(text, &start.sound);
-            }
-            S::push_value(text, &statement.value, receivers)?;
-            if let Verb::Start(start) = &statement.verb {
-                // The bits are compared, so that even a negative zero comes back.
-                if start.speed != 1.0 {
-                    text.push_str(" speed ");
-                    quantity::PLAYBACK_SPEED.push(text, start.speed)?;
-                }
-                if start.offset_s.to_bits() != 0 {
-                    text.push_str(" offset ");
-                    quantity::OFFSET.push(text, start.offset_s)?;
-                }
-                if !start.object.is_empty() {
-                    text.push_str(" object ");
-                    push_name(text, &start.object);
-                }
-                if !start.cause.is_empty() {
-                    text.push_str(" cause ");
-                    push_quoted(text, &start.cause);
-                }
-            }
+            let step = match &statement.verb {
+                Verb::Start(start) => Step::Start { sound: &start.sound },
+                Verb::Key => Step::Key,
+                Verb::Jump => Step::Jump,
+                Verb::End => Step::End,
+            };
+            let slot = rules.thread(step, statement.thread, statement.time_s, number).map_err(unplaced)?;
+            slot.keep(&());
         }
         LineRef::Microphone(key) => {
-            text.push_str(if key.cut { "cut " } else { "hear " });
-            let receiver = receivers
-                .get(key.microphone)
-                .ok_or_else(|| Error::new(format!("there is no microphone with index {}", key.microphone)))?;
-            push_name(text, S::receiver_name(receiver));
-            text.push(' ');
-            quantity::TIME.push(text, key.time_s)?;
-            push_whereabouts(text, key)?;
+            let heard = rules.hear(key.microphone, key.time_s, key.cut).map_err(unplaced)?;
+            heard.last = Some(*key);
         }
     }
     Ok(())
