@@ -775,3 +775,32 @@ fn a_writer_says_when_the_disk_is_full() {
     let error = ChannelWriter::new(Full, &channel_header()).err().unwrap();
     assert_eq!(error.to_string(), "cannot write the score: no space left");
 }
+
+#[test]
+fn a_score_sorted_by_time_is_read_as_it_is_needed() {
+    /// A score without end; it fails the test where more than a little is asked of it.
+    struct Endless {
+        waiting: Vec<u8>,
+        thread: u64,
+        given: usize,
+    }
+    impl std::io::Read for Endless {
+        fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+            assert!(self.given < 100_000, "read far ahead of what was asked for");
+            while self.waiting.len() < buffer.len() {
+                self.thread += 1;
+                let lines = format!("start {0} {0} s 1 0\nend {0} {0}.5\n", self.thread);
+                self.waiting.extend(lines.into_bytes());
+            }
+            let rest = self.waiting.split_off(buffer.len());
+            buffer.copy_from_slice(&std::mem::replace(&mut self.waiting, rest));
+            self.given += buffer.len();
+            Ok(buffer.len())
+        }
+    }
+    let header = "froufrou-score 1 channel\norder time\nchannels m\nsound s \"s.wav\"\n";
+    let source = Endless { waiting: header.into(), thread: 0, given: 0 };
+    let lines = ChannelReader::new(std::io::BufReader::new(source)).unwrap().by_time().unwrap();
+    let threads: Vec<u64> = lines.take(6).map(|line| line.unwrap().thread).collect();
+    assert_eq!(threads, [1, 1, 2, 2, 3, 3]);
+}
