@@ -7,7 +7,33 @@
 //! channel.
 //!
 //! A *thread* is one sounding instance: it starts, has keys and ends. All times of a thread are in
-//! the time of its source (when the sound leaves, not when it arrives), in seconds.
+//! the time of its source (when the sound leaves, not when it arrives), in seconds. A thread without
+//! an `end` goes on as at its last line until its recording is over or, where that loops, until the
+//! score's duration.
+//!
+//! A score is also a text, described in `docs/score.md`, which says exactly what is in memory: a
+//! [`Reader`] takes it in line by line, a [`Writer`] puts it out line by line, and a [`Document`]
+//! holds it whole with its comments.
+
+mod any;
+mod document;
+mod lexer;
+mod quantity;
+mod read;
+mod rules;
+mod sort;
+mod space;
+mod syntax;
+mod write;
+
+pub use any::{AnyDocument, AnyReader, AnySpace};
+pub use document::{ChannelDocument, Document, Note, Noted, ObjectDocument};
+pub use lexer::MAX_LINE_BYTES;
+pub use read::{ChannelReader, ObjectReader, Reader};
+pub use sort::{ByTime, compare};
+pub use space::{ChannelSpace, ObjectSpace, Space};
+pub use syntax::VERSION;
+pub use write::{ChannelWriter, ObjectWriter, Writer};
 
 pub mod compose;
 
@@ -90,7 +116,8 @@ pub struct Microphone {
 pub struct Pose {
     /// World position in metres.
     pub position_m: [f64; 3],
-    /// The direction it faces, of any length above 0.
+    /// The direction it faces: a vector of any length above zero, kept as it was given, so that the
+    /// text of a score says exactly what is in memory. Who computes with it normalises it.
     pub facing: [f64; 3],
 }
 
@@ -99,16 +126,16 @@ pub struct Pose {
 pub struct Placement {
     /// World position in metres.
     pub position_m: [f64; 3],
-    /// Pressure gain at a distance of 1 m.
+    /// Pressure gain at a distance of 1 m, 0 or above.
     pub gain: f64,
 }
 
 /// The value of a key in channel space, for one channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Arrival {
-    /// Pressure gain.
+    /// Pressure gain, 0 or above.
     pub gain: f64,
-    /// Seconds from leaving the source to arriving.
+    /// Seconds from leaving the source to arriving, 0 or above.
     pub delay_s: f64,
 }
 

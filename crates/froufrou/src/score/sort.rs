@@ -1,0 +1,69 @@
+//! The order of the lines, and reading a score of any order by time.
+
+use std::io::BufRead;
+
+use super::read::Reader;
+use super::space::{Space, rank};
+use super::{Header, Order};
+use crate::Result;
+
+/// The order of two lines in a sorted score; lines that compare equal keep theirs. It lets a
+/// producer sort what it is about to write.
+///
+/// By time, a microphone's line comes before a thread's of the same time, and a thread's line before
+/// that of a thread with a higher number. By thread, the microphones come first, in the order of
+/// their declaration. With [`Order::Free`] all are equal.
+///
+/// ```
+/// use froufrou::score::{ChannelSpace, Order, Statement, Verb, compare};
+///
+/// let line = |thread, time_s| Statement { thread, time_s, verb: Verb::Key, value: vec![] };
+/// let mut lines = [line(2, 1.0), line(1, 1.0), line(3, 0.5)];
+/// lines.sort_by(|a, b| compare::<ChannelSpace>(a, b, Order::Time));
+/// assert_eq!(lines.map(|line| line.thread), [3, 1, 2]);
+/// ```
+pub fn compare<S: Space>(a: &S::Line, b: &S::Line, order: Order) -> std::cmp::Ordering {
+    rank::<S>(a).cmp(&rank::<S>(b), order)
+}
+
+/// The lines of a score sorted by time: see [`Reader::by_time`].
+#[derive(Debug)]
+pub struct ByTime<S: Space, R> {
+    header: Header<S::Receiver>,
+    lines: LinesByTime<S, R>,
+}
+
+#[derive(Debug)]
+enum LinesByTime<S: Space, R> {
+    Streamed(Box<Reader<S, R>>),
+    Sorted(std::vec::IntoIter<S::Line>),
+}
+
+impl<S: Space, R: BufRead> ByTime<S, R> {
+    pub(super) fn new(reader: Reader<S, R>) -> Result<Self> {
+        let mut header = reader.header().clone();
+        if header.order == Order::Time {
+            return Ok(Self { header, lines: LinesByTime::Streamed(Box::new(reader)) });
+        }
+        let mut lines = reader.collect::<Result<Vec<_>>>()?;
+        lines.sort_by(|a, b| compare::<S>(a, b, Order::Time));
+        header.order = Order::Time;
+        Ok(Self { header, lines: LinesByTime::Sorted(lines.into_iter()) })
+    }
+
+    /// What the lines rest on; its order is [`Order::Time`], whatever the text says.
+    pub fn header(&self) -> &Header<S::Receiver> {
+        &self.header
+    }
+}
+
+impl<S: Space, R: BufRead> Iterator for ByTime<S, R> {
+    type Item = Result<S::Line>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        match &mut self.lines {
+            LinesByTime::Streamed(reader) => reader.next(),
+            LinesByTime::Sorted(lines) => lines.next().map(Ok),
+        }
+    }
+}

@@ -1,0 +1,389 @@
+//! The two spaces of a score. A [`Space`] says what a key's value and a receiver are and how they
+//! stand in the text; all the rest of reading and writing is the same for both.
+
+use std::fmt::Debug;
+
+use super::lexer::{Words, push_name};
+use super::quantity::{self, check_facing};
+use super::rules::Rank;
+use super::{
+    Arrival, ChannelLine, Microphone, MicrophoneKey, MicrophoneShape, ObjectLine, Placement, Pose, Statement,
+};
+use crate::{Error, Result};
+
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for super::ObjectSpace {}
+    impl Sealed for super::ChannelSpace {}
+}
+
+/// What differs between a score in object space and one in channel space.
+///
+/// It is implemented by [`ObjectSpace`] and [`ChannelSpace`] alone.
+pub trait Space: sealed::Sealed + Sized + Send + Sync + 'static {
+    /// The word on a score's first line.
+    const NAME: &'static str;
+    /// Who receives: one output channel each.
+    type Receiver: Debug + Clone + PartialEq + Send + Sync + 'static;
+    /// What a thread's line says beside what it does and when.
+    type Value: Debug + Clone + PartialEq + Send + Sync + 'static;
+    /// A line after the header.
+    type Line: Debug + Clone + PartialEq + Send + Sync + 'static;
+
+    /// The keyword that declares receivers.
+    #[doc(hidden)]
+    const RECEIVER_KEYWORD: &'static str;
+    /// The verbs of receivers, which have a place.
+    #[doc(hidden)]
+    const RECEIVER_VERBS: &'static [&'static str];
+    /// The keywords of a value's parts.
+    #[doc(hidden)]
+    const CLAUSES: &'static [&'static str];
+    /// A value while it is read.
+    #[doc(hidden)]
+    type Draft: Default;
+
+    #[doc(hidden)]
+    fn read_receivers(words: &mut Words<'_>, receivers: &mut Vec<Self::Receiver>) -> Result<()>;
+    /// The lines that declare all receivers.
+    #[doc(hidden)]
+    fn receiver_lines(receivers: &[Self::Receiver]) -> Result<Vec<String>>;
+    #[doc(hidden)]
+    fn receiver_name(receiver: &Self::Receiver) -> &str;
+    /// Whether a receiver has its place where it is declared.
+    #[doc(hidden)]
+    fn receiver_stands(receiver: &Self::Receiver) -> bool;
+    /// Reads the part of a value that has no keywords.
+    #[doc(hidden)]
+    fn read_plain(words: &mut Words<'_>, receivers: &[Self::Receiver], draft: &mut Self::Draft)
+    -> Result<()>;
+    /// Reads the part of a value that this keyword begins; false where it begins none.
+    #[doc(hidden)]
+    fn read_clause(keyword: &str, words: &mut Words<'_>, draft: &mut Self::Draft) -> Result<bool>;
+    /// The value; what was left out is as it was before.
+    #[doc(hidden)]
+    fn value(draft: Self::Draft, before: Option<&Self::Value>) -> Result<Self::Value>;
+    #[doc(hidden)]
+    fn push_value(text: &mut String, value: &Self::Value, receivers: &[Self::Receiver]) -> Result<()>;
+    #[doc(hidden)]
+    fn thread_line(statement: Statement<Self::Value>) -> Self::Line;
+    /// A line of a receiver, where it can have any.
+    #[doc(hidden)]
+    fn microphone_line(key: MicrophoneKey) -> Option<Self::Line>;
+    #[doc(hidden)]
+    fn of_line(line: &Self::Line) -> LineRef<'_, Self::Value>;
+}
+
+/// Whose line it is.
+#[doc(hidden)]
+pub enum LineRef<'a, V> {
+    Thread(&'a Statement<V>),
+    Microphone(&'a MicrophoneKey),
+}
+
+/// Where a line stands among the sorted ones.
+pub fn rank<S: Space>(line: &S::Line) -> Rank {
+    match S::of_line(line) {
+        LineRef::Thread(of) => Rank { thread: true, id: of.thread, time_s: of.time_s },
+        LineRef::Microphone(of) => Rank { thread: false, id: of.microphone as u64, time_s: of.time_s },
+    }
+}
+
+/// Fills a part of a line that may be given once.
+pub fn once<T>(part: &mut Option<T>, keyword: &str, words: &Words<'_>, value: T) -> Result<()> {
+    match part.replace(value) {
+        None => Ok(()),
+        Some(_) => Err(words.fault(format!("`{keyword}` is given twice"))),
+    }
+}
+
+/// The space of a score whose keys place threads in the world: see [`ObjectLine`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ObjectSpace;
+
+/// A [`Placement`] while it is read.
+#[doc(hidden)]
+#[derive(Debug, Default)]
+pub struct PlacementDraft {
+    position_m: Option<[f64; 3]>,
+    gain: Option<f64>,
+}
+
+const OMNI: MicrophoneShape = MicrophoneShape { c: 0.0, k: 0.0 };
+const CARDIOID: MicrophoneShape = MicrophoneShape { c: 0.0, k: 1.0 };
+
+/// Whether two shapes have the same bits, so that the word may stand for the numbers.
+fn same_shape(a: MicrophoneShape, b: MicrophoneShape) -> bool {
+    a.c.to_bits() == b.c.to_bits() && a.k.to_bits() == b.k.to_bits()
+}
+
+impl Space for ObjectSpace {
+    const NAME: &'static str = "object";
+    type Receiver = Microphone;
+    type Value = Placement;
+    type Line = ObjectLine;
+
+    const RECEIVER_KEYWORD: &'static str = "microphone";
+    const RECEIVER_VERBS: &'static [&'static str] = &["hear", "cut"];
+    const CLAUSES: &'static [&'static str] = &["at", "gain"];
+    type Draft = PlacementDraft;
+
+    fn read_receivers(words: &mut Words<'_>, receivers: &mut Vec<Microphone>) -> Result<()> {
+        let name = words.name("the microphone's name")?.into_owned();
+        const SHAPES: [&str; 3] = ["omni", "cardioid", "shape"];
+        let expected = "`omni`, `cardioid` or `shape C K`";
+        let shape = match words.keyword(expected)? {
+            None | Some("omni") => OMNI,
+            Some("cardioid") => CARDIOID,
+            Some("shape") => MicrophoneShape {
+                c: words.number_of(quantity::SHAPE_C)?,
+                k: words.number_of(quantity::SHAPE_K)?,
+            },
+            Some(other) => return Err(words.unknown("microphone shape", other, SHAPES, expected)),
+        };
+        let fixed = match words.peek() {
+            None | Some(b'#') => None,
+            Some(_) => Some(read_whereabouts(words, None)?),
+        };
+        receivers.push(Microphone { name, shape, fixed });
+        Ok(())
+    }
+
+    fn receiver_lines(receivers: &[Microphone]) -> Result<Vec<String>> {
+        let line = |Microphone { name, shape, fixed }: &Microphone| {
+            let mut text = String::from("microphone ");
+            push_name(&mut text, name);
+            if same_shape(*shape, OMNI) {
+                text.push_str(" omni");
+            } else if same_shape(*shape, CARDIOID) {
+                text.push_str(" cardioid");
+            } else {
+                text.push_str(" shape ");
+                quantity::SHAPE_C.push(&mut text, shape.c)?;
+                text.push(' ');
+                quantity::SHAPE_K.push(&mut text, shape.k)?;
+            }
+            if let Some(pose) = fixed {
+                push_whereabouts(&mut text, pose)?;
+            }
+            Ok(text)
+        };
+        receivers.iter().map(line).collect()
+    }
+
+    fn receiver_name(receiver: &Microphone) -> &str {
+        &receiver.name
+    }
+
+    fn receiver_stands(receiver: &Microphone) -> bool {
+        receiver.fixed.is_some()
+    }
+
+    fn read_plain(_: &mut Words<'_>, _: &[Microphone], _: &mut PlacementDraft) -> Result<()> {
+        Ok(())
+    }
+
+    fn read_clause(keyword: &str, words: &mut Words<'_>, draft: &mut PlacementDraft) -> Result<bool> {
+        match keyword {
+            "at" => {
+                let position_m = words.numbers_of(quantity::POSITION)?;
+                once(&mut draft.position_m, keyword, words, position_m)?;
+            }
+            "gain" => {
+                let gain = words.number_of(quantity::GAIN)?;
+                once(&mut draft.gain, keyword, words, gain)?;
+            }
+            _ => return Ok(false),
+        }
+        Ok(true)
+    }
+
+    fn value(draft: PlacementDraft, before: Option<&Placement>) -> Result<Placement> {
+        let position_m = draft.position_m.or(before.map(|before| before.position_m)).ok_or_else(|| {
+            Error::new("the thread starts nowhere").help("add where, in metres, as `at X Y Z`")
+        })?;
+        let gain = draft.gain.or(before.map(|before| before.gain)).unwrap_or(1.0);
+        Ok(Placement { position_m, gain })
+    }
+
+    fn push_value(text: &mut String, value: &Placement, _: &[Microphone]) -> Result<()> {
+        push_vector(text, " at", quantity::POSITION, value.position_m)?;
+        text.push_str(" gain ");
+        quantity::GAIN.push(text, value.gain)
+    }
+
+    fn thread_line(statement: Statement<Placement>) -> ObjectLine {
+        ObjectLine::Thread(statement)
+    }
+
+    fn microphone_line(key: MicrophoneKey) -> Option<ObjectLine> {
+        Some(ObjectLine::Microphone(key))
+    }
+
+    fn of_line(line: &ObjectLine) -> LineRef<'_, Placement> {
+        match line {
+            ObjectLine::Thread(statement) => LineRef::Thread(statement),
+            ObjectLine::Microphone(key) => LineRef::Microphone(key),
+        }
+    }
+}
+
+/// Reads what follows the time of a `hear` or `cut` line, or the shape of a microphone that stands
+/// still; what is left out is as it was before.
+pub fn read_whereabouts(words: &mut Words<'_>, before: Option<&MicrophoneKey>) -> Result<Pose> {
+    let (mut position_m, mut facing) = (None, None);
+    while let Some(keyword) = words.keyword("`at X Y Z` or `facing X Y Z`")? {
+        match keyword {
+            "at" => {
+                let vector = words.numbers_of(quantity::POSITION)?;
+                once(&mut position_m, keyword, words, vector)?;
+            }
+            "facing" => {
+                let vector = words.numbers_of(quantity::FACING)?;
+                let vector = check_facing(vector).map_err(|error| words.place(error))?;
+                once(&mut facing, keyword, words, vector)?;
+            }
+            other => {
+                let expected = "`at X Y Z` or `facing X Y Z`";
+                return Err(words.unknown("word", other, ["at", "facing"], expected));
+            }
+        }
+    }
+    let position_m = position_m.or(before.map(|before| before.pose.position_m)).ok_or_else(|| {
+        words.fault("the microphone is nowhere yet").help("add where, in metres, as `at X Y Z`")
+    })?;
+    // Without a word on it a microphone faces where a camera does.
+    let facing = facing.or(before.map(|before| before.pose.facing)).unwrap_or([0.0, 0.0, -1.0]);
+    Ok(Pose { position_m, facing })
+}
+
+/// Appends what follows the time of a `hear` or `cut` line.
+pub fn push_whereabouts(text: &mut String, pose: &Pose) -> Result<()> {
+    push_vector(text, " at", quantity::POSITION, pose.position_m)?;
+    push_vector(text, " facing", quantity::FACING, check_facing(pose.facing)?)
+}
+
+fn push_vector(
+    text: &mut String,
+    keyword: &str,
+    quantities: [quantity::Quantity; 3],
+    vector: [f64; 3],
+) -> Result<()> {
+    text.push_str(keyword);
+    for (quantity, number) in quantities.into_iter().zip(vector) {
+        text.push(' ');
+        quantity.push(text, number)?;
+    }
+    Ok(())
+}
+
+/// The space of a score whose keys give the gain and delay of threads in every channel: see
+/// [`ChannelLine`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ChannelSpace;
+
+impl Space for ChannelSpace {
+    const NAME: &'static str = "channel";
+    type Receiver = String;
+    type Value = Vec<Arrival>;
+    type Line = ChannelLine;
+
+    const RECEIVER_KEYWORD: &'static str = "channels";
+    const RECEIVER_VERBS: &'static [&'static str] = &[];
+    const CLAUSES: &'static [&'static str] = &[];
+    type Draft = Vec<Arrival>;
+
+    fn read_receivers(words: &mut Words<'_>, receivers: &mut Vec<String>) -> Result<()> {
+        if !receivers.is_empty() {
+            return Err(words
+                .fault("`channels` is given twice")
+                .help("name all channels on one line, as `channels left right`"));
+        }
+        loop {
+            receivers.push(words.name("the name of a channel")?.into_owned());
+            if words.peek().is_none() {
+                return Ok(());
+            }
+        }
+    }
+
+    fn receiver_lines(receivers: &[String]) -> Result<Vec<String>> {
+        let mut text = String::from("channels");
+        for name in receivers {
+            text.push(' ');
+            push_name(&mut text, name);
+        }
+        Ok(vec![text])
+    }
+
+    fn receiver_name(receiver: &String) -> &str {
+        receiver
+    }
+
+    fn receiver_stands(_: &String) -> bool {
+        false
+    }
+
+    fn read_plain(words: &mut Words<'_>, receivers: &[String], draft: &mut Vec<Arrival>) -> Result<()> {
+        while words.next_is_number() {
+            if draft.len() == receivers.len() {
+                // Take the word, so that the error points at it.
+                words.next()?;
+                return Err(words.fault(count_of_pairs(receivers, "more")));
+            }
+            if draft.is_empty() {
+                draft.reserve_exact(receivers.len());
+            }
+            let gain = words.number_of(quantity::GAIN)?;
+            draft.push(Arrival { gain, delay_s: words.number_of(quantity::DELAY)? });
+        }
+        if draft.is_empty() || draft.len() == receivers.len() {
+            return Ok(());
+        }
+        words.next()?;
+        Err(words.fault(count_of_pairs(receivers, &draft.len().to_string())))
+    }
+
+    fn read_clause(_: &str, _: &mut Words<'_>, _: &mut Vec<Arrival>) -> Result<bool> {
+        Ok(false)
+    }
+
+    fn value(draft: Vec<Arrival>, before: Option<&Vec<Arrival>>) -> Result<Vec<Arrival>> {
+        match before {
+            _ if !draft.is_empty() => Ok(draft),
+            Some(before) => Ok(before.clone()),
+            None => Err(Error::new("the thread starts without a gain and a delay")
+                .help("add `GAIN DELAY` for every channel after the sound")),
+        }
+    }
+
+    fn push_value(text: &mut String, value: &Vec<Arrival>, receivers: &[String]) -> Result<()> {
+        if value.len() != receivers.len() {
+            return Err(Error::new(count_of_pairs(receivers, &value.len().to_string())));
+        }
+        for Arrival { gain, delay_s } in value {
+            text.push(' ');
+            quantity::GAIN.push(text, *gain)?;
+            text.push(' ');
+            quantity::DELAY.push(text, *delay_s)?;
+        }
+        Ok(())
+    }
+
+    fn thread_line(statement: ChannelLine) -> ChannelLine {
+        statement
+    }
+
+    fn microphone_line(_: MicrophoneKey) -> Option<ChannelLine> {
+        None
+    }
+
+    fn of_line(line: &ChannelLine) -> LineRef<'_, Vec<Arrival>> {
+        LineRef::Thread(line)
+    }
+}
+
+fn count_of_pairs(receivers: &[String], found: &str) -> String {
+    let (count, s) = (receivers.len(), if receivers.len() == 1 { "" } else { "s" });
+    format!("expected {count} pair{s} of gain and delay, one for each channel, found {found}")
+}

@@ -1,0 +1,363 @@
+//! What holds for every score: nothing is lost between memory and text, nothing panics, and the time
+//! that reading takes grows with the length of the text and no faster.
+
+use std::fmt::Debug;
+use std::time::{Duration, Instant};
+
+use froufrou::score::{
+    AnyDocument, Arrival, ChannelReader, ChannelSpace, ChannelWriter, Document, Header, Microphone,
+    MicrophoneKey, MicrophoneShape, ObjectLine, ObjectSpace, Order, Placement, Pose, Reader, Repeat, Sound,
+    Space, Start, Statement, Verb, Writer, compare,
+};
+use proptest::prelude::*;
+use proptest::sample::{Index, select};
+
+/// Any number that is allowed where a number may not be negative: all sizes, and both zeros.
+fn not_negative() -> BoxedStrategy<f64> {
+    prop_oneof![
+        3 => 0.0..100.0,
+        1 => Just(-0.0),
+        1 => prop::num::f64::POSITIVE | prop::num::f64::SUBNORMAL | prop::num::f64::ZERO,
+    ]
+    .prop_filter("finite and not negative", |number: &f64| number.is_finite() && *number >= 0.0)
+    .boxed()
+}
+
+fn positive() -> BoxedStrategy<f64> {
+    not_negative().prop_filter("above 0", |number| *number > 0.0).boxed()
+}
+
+fn coordinate() -> BoxedStrategy<f64> {
+    (not_negative(), any::<bool>()).prop_map(|(number, minus)| if minus { -number } else { number }).boxed()
+}
+
+fn facing() -> impl Strategy<Value = [f64; 3]> {
+    prop::array::uniform3(coordinate())
+        .prop_filter("has a direction", |[x, y, z]| (x * x + y * y + z * z).is_normal())
+}
+
+/// Plain names, the language's own words, and anything at all.
+fn text() -> BoxedStrategy<String> {
+    prop_oneof![
+        2 => "[a-zA-Z_][a-zA-Z0-9_./-]{0,8}",
+        1 => select(vec!["at", "gain", "key", "start", "speed", "1", "-0", "nan", "#", "\"", "\\"])
+            .prop_map(String::from),
+        1 => prop::collection::vec(any::<char>(), 0..12).prop_map(String::from_iter),
+    ]
+    .boxed()
+}
+
+fn names(most: usize) -> impl Strategy<Value = Vec<String>> {
+    let name = text().prop_filter("not empty", |name| !name.is_empty());
+    prop::collection::hash_set(name, 1..=most).prop_map(Vec::from_iter)
+}
+
+fn sounds() -> impl Strategy<Value = Vec<Sound>> {
+    names(4).prop_flat_map(|names| {
+        let sound = |name: String| {
+            let recording = text().prop_filter("not empty", |path| !path.is_empty());
+            let repeat = select(vec![Repeat::Once, Repeat::Loop, Repeat::ExactLoop]);
+            (Just(name), recording, repeat, prop::option::of(any::<usize>()))
+                .prop_map(|(name, recording, repeat, channel)| Sound { name, recording, repeat, channel })
+        };
+        names.into_iter().map(sound).collect::<Vec<_>>()
+    })
+}
+
+fn header<R: Debug + Clone>(receivers: Vec<R>) -> impl Strategy<Value = Header<R>> {
+    // With a duration every thread may go without an end.
+    (positive(), positive(), sounds()).prop_map(move |(speed_of_sound_mps, duration_s, sounds)| Header {
+        speed_of_sound_mps,
+        duration_s: Some(duration_s),
+        order: Order::Free,
+        sounds,
+        receivers: receivers.clone(),
+    })
+}
+
+/// What one thread does, before its times and its number are settled.
+#[derive(Debug, Clone)]
+struct Sketch<V> {
+    thread: u64,
+    sound: Index,
+    start: Start,
+    /// Time, and whether the line is a jump, which may share its time with the line before.
+    keys: Vec<(f64, bool, V)>,
+    ends: bool,
+}
+
+fn sketch<V: Debug + Clone + 'static>(value: BoxedStrategy<V>) -> impl Strategy<Value = Sketch<V>> {
+    let start = (positive(), not_negative(), text(), text()).prop_map(|(speed, offset_s, object, cause)| {
+        Start { sound: String::new(), speed, offset_s, object, cause }
+    });
+    let thread = prop_oneof![1..20_u64, any::<u64>()];
+    let time = prop_oneof![not_negative(), (0..6_u8).prop_map(f64::from)];
+    let keys = prop::collection::vec((time, any::<bool>(), value), 1..6);
+    (thread, any::<Index>(), start, keys, any::<bool>())
+        .prop_map(|(thread, sound, start, keys, ends)| Sketch { thread, sound, start, keys, ends })
+}
+
+/// The lines of a thread that keep the rules.
+fn statements<V: Clone>(sketch: &Sketch<V>, sounds: &[Sound]) -> Vec<Statement<V>> {
+    let mut keys = sketch.keys.clone();
+    keys.sort_by(|a, b| a.0.partial_cmp(&b.0).unwrap());
+    let last = keys.len() - 1;
+    let mut lines: Vec<Statement<V>> = Vec::new();
+    for (index, (time_s, jumps, value)) in keys.into_iter().enumerate() {
+        let same_time = lines.last().is_some_and(|line| line.time_s == time_s);
+        let verb = match index {
+            0 => Verb::Start(Start { sound: sketch.sound.get(sounds).name.clone(), ..sketch.start.clone() }),
+            _ if same_time || jumps => Verb::Jump,
+            _ if index == last && sketch.ends => Verb::End,
+            _ => Verb::Key,
+        };
+        lines.push(Statement { thread: sketch.thread, time_s, verb, value });
+    }
+    lines
+}
+
+/// All lines of all threads, as a person may have mixed them.
+fn mixed<V: Clone>(sketches: &[Sketch<V>], sounds: &[Sound]) -> Vec<Statement<V>> {
+    let mut used = std::collections::HashSet::new();
+    let mut threads: Vec<_> = sketches
+        .iter()
+        .filter(|sketch| used.insert(sketch.thread))
+        .map(|sketch| statements(sketch, sounds).into_iter())
+        .collect();
+    let mut lines = Vec::new();
+    while !threads.is_empty() {
+        threads.retain_mut(|thread| thread.next().map(|line| lines.push(line)).is_some());
+    }
+    lines
+}
+
+fn channel_score() -> impl Strategy<Value = Document<ChannelSpace>> {
+    names(3).prop_flat_map(|names| {
+        let arrival = (not_negative(), not_negative()).prop_map(|(gain, delay_s)| Arrival { gain, delay_s });
+        let value = prop::collection::vec(arrival, names.len()).boxed();
+        let sketches = prop::collection::vec(sketch(value), 0..5);
+        (header(names), sketches).prop_map(|(header, sketches)| {
+            let lines = mixed(&sketches, &header.sounds);
+            Document::new(header, lines)
+        })
+    })
+}
+
+fn microphones() -> impl Strategy<Value = Vec<Microphone>> {
+    names(3).prop_flat_map(|names| {
+        let number = || prop_oneof![select(vec![0.0, 1.0, -0.0]), not_negative()];
+        let microphone = |name: String| {
+            let pose = (prop::array::uniform3(coordinate()), facing());
+            let pose = pose.prop_map(|(position_m, facing)| Pose { position_m, facing });
+            (Just(name), number(), number(), prop::option::of(pose))
+                .prop_map(|(name, c, k, fixed)| Microphone { name, shape: MicrophoneShape { c, k }, fixed })
+        };
+        names.into_iter().map(microphone).collect::<Vec<_>>()
+    })
+}
+
+fn object_score() -> impl Strategy<Value = Document<ObjectSpace>> {
+    microphones().prop_flat_map(|microphones| {
+        let place = (prop::array::uniform3(coordinate()), not_negative());
+        let value = place.prop_map(|(position_m, gain)| Placement { position_m, gain }).boxed();
+        let sketches = prop::collection::vec(sketch(value), 0..5);
+        let key = || (not_negative(), any::<bool>(), prop::array::uniform3(coordinate()), facing());
+        let keys = prop::collection::vec((key(), prop::collection::vec(key(), 0..4)), microphones.len());
+        (header(microphones), sketches, keys).prop_map(|(header, sketches, keys)| {
+            let mut lines = Vec::new();
+            let moving = keys.into_iter().enumerate().filter(|&(m, _)| header.receivers[m].fixed.is_none());
+            for (microphone, (first, mut others)) in moving {
+                let (_, _, position_m, facing) = first;
+                lines.push(MicrophoneKey {
+                    microphone,
+                    time_s: 0.0,
+                    pose: Pose { position_m, facing },
+                    cut: false,
+                });
+                others.sort_by(|a, b| a.0.partial_cmp(&b.0).unwrap());
+                for (time_s, cut, position_m, facing) in others {
+                    let cut = cut || lines.last().is_some_and(|last| last.time_s == time_s);
+                    lines.push(MicrophoneKey { microphone, time_s, pose: Pose { position_m, facing }, cut });
+                }
+            }
+            let threads = mixed(&sketches, &header.sounds).into_iter().map(ObjectLine::Thread);
+            let lines: Vec<_> = lines.into_iter().map(ObjectLine::Microphone).chain(threads).collect();
+            Document::new(header, lines)
+        })
+    })
+}
+
+fn orders() -> impl Strategy<Value = Order> {
+    select(vec![Order::Free, Order::Time, Order::Thread])
+}
+
+/// Everything that is to say of a score: written by `Debug`, which tells apart all bits of a number.
+fn said<S: Space>(header: &Header<S::Receiver>, lines: &[S::Line]) -> String {
+    format!("{header:?}\n{lines:#?}")
+}
+
+/// Through text and back, as a document and as a stream.
+fn round_trip<S: Space>(mut score: Document<S>, order: Order) -> Result<(), TestCaseError> {
+    score.sort(order);
+    let lines: Vec<S::Line> = score.lines.iter().map(|noted| noted.line.clone()).collect();
+    let said_before = said::<S>(&score.header, &lines);
+    let text = score.to_text().unwrap();
+
+    let mut writer = Writer::<S, _>::new(Vec::new(), &score.header).unwrap();
+    for line in &lines {
+        writer.write(line).unwrap();
+    }
+    prop_assert_eq!(&String::from_utf8(writer.finish().unwrap()).unwrap(), &text);
+
+    let mut reader = Reader::<S, _>::new(text.as_bytes()).unwrap();
+    let read: Vec<S::Line> = reader.by_ref().collect::<froufrou::Result<_>>().unwrap();
+    prop_assert_eq!(said::<S>(reader.header(), &read), said_before);
+
+    let again = Document::<S>::read(text.as_bytes()).unwrap();
+    prop_assert_eq!(&again.to_text().unwrap(), &text);
+
+    let by_time = Reader::<S, _>::new(text.as_bytes()).unwrap().by_time().unwrap();
+    let by_time: Vec<S::Line> = by_time.collect::<froufrou::Result<_>>().unwrap();
+    prop_assert_eq!(by_time.len(), lines.len());
+    prop_assert!(by_time.windows(2).all(|pair| compare::<S>(&pair[0], &pair[1], Order::Time).is_le()));
+    Ok(())
+}
+
+/// A comment or an empty line, as it stands above a line.
+fn comment() -> impl Strategy<Value = String> {
+    let text = prop::collection::vec(any::<char>(), 0..10).prop_map(String::from_iter);
+    text.prop_map(|text: String| format!("#{}", text.replace('\n', " ")))
+}
+
+/// Whatever is read can be written, and writing it once more changes nothing.
+fn settles(text: &[u8]) -> Result<(), TestCaseError> {
+    if let Ok(score) = AnyDocument::read(text) {
+        let once = score.to_text().unwrap();
+        let again = AnyDocument::read(once.as_bytes()).unwrap();
+        prop_assert_eq!(again.to_text().unwrap(), once);
+    }
+    Ok(())
+}
+
+proptest! {
+    #[test]
+    fn object_scores_round_trip(score in object_score(), order in orders()) {
+        round_trip(score, order)?;
+    }
+
+    #[test]
+    fn channel_scores_round_trip(score in channel_score(), order in orders()) {
+        round_trip(score, order)?;
+    }
+
+    #[test]
+    fn comments_and_loose_spacing_survive(
+        score in channel_score(),
+        order in orders(),
+        comments in prop::collection::vec((any::<Index>(), comment(), any::<bool>()), 0..8),
+    ) {
+        let mut score = score;
+        score.sort(order);
+        let plain = score.to_text().unwrap();
+        let mut lines: Vec<String> = plain.lines().map(String::from).collect();
+        for (at, comment, beside) in &comments {
+            let at = at.index(lines.len());
+            match beside {
+                true if lines[at].starts_with('#') || lines[at].contains(" \t#") => {}
+                true => lines[at] = format!("  {} \t{comment}", lines[at]),
+                false => lines.insert(at + 1, format!("\t{comment}")),
+            }
+        }
+        let loose = lines.join("\r\n");
+        let document = Document::<ChannelSpace>::read(loose.as_bytes()).unwrap();
+        let tidy = document.to_text().unwrap();
+        let again = Document::<ChannelSpace>::read(tidy.as_bytes()).unwrap();
+        prop_assert_eq!(again.to_text().unwrap(), tidy.clone());
+        // The same lines, and not a comment lost.
+        let bare = |document: &Document<ChannelSpace>| {
+            let lines: Vec<_> = document.lines.iter().map(|noted| noted.line.clone()).collect();
+            said::<ChannelSpace>(&document.header, &lines)
+        };
+        prop_assert_eq!(bare(&document), bare(&score));
+        let count = |text: &str| text.matches('#').count();
+        prop_assert_eq!(count(&tidy), count(&loose));
+    }
+
+    #[test]
+    fn no_text_panics(text in prop::collection::vec(any::<char>(), 0..200)) {
+        let text = String::from_iter(text);
+        settles(text.as_bytes())?;
+        settles(format!("froufrou-score 1 object\nmicrophone m\nsound s s\n{text}").as_bytes())?;
+        settles(format!("froufrou-score 1 channel\nchannels m\nsound s s\n{text}").as_bytes())?;
+    }
+
+    #[test]
+    fn no_mutilated_score_panics(
+        object in object_score(),
+        channel in channel_score(),
+        order in orders(),
+        cuts in prop::collection::vec((any::<Index>(), any::<u8>(), 0..3_u8), 1..4),
+    ) {
+        let (mut object, mut channel) = (object, channel);
+        object.sort(order);
+        channel.sort(order);
+        for text in [object.to_text().unwrap(), channel.to_text().unwrap()] {
+            let mut bytes = text.into_bytes();
+            for (at, byte, kind) in &cuts {
+                let at = at.index(bytes.len());
+                match kind {
+                    0 => bytes[at] = *byte,
+                    1 => bytes.insert(at, *byte),
+                    _ => { bytes.remove(at); }
+                }
+            }
+            settles(&bytes)?;
+            // Two lines the wrong way round.
+            let mut lines: Vec<&[u8]> = bytes.split(|&byte| byte == b'\n').collect();
+            let (one, other) = (cuts[0].0.index(lines.len()), usize::from(cuts[0].1) % lines.len());
+            lines.swap(one, other);
+            settles(&lines.join(&b'\n'))?;
+        }
+    }
+}
+
+/// A score of this many lines, as a program writes it: many short threads.
+fn long_score(lines: usize) -> Vec<u8> {
+    let header = Header {
+        speed_of_sound_mps: 343.0,
+        duration_s: None,
+        order: Order::Time,
+        sounds: vec![Sound {
+            name: "hit".into(),
+            recording: "hit.wav".into(),
+            repeat: Repeat::Once,
+            channel: None,
+        }],
+        receivers: vec!["left".to_string(), "right".to_string()],
+    };
+    let start =
+        Start { sound: "hit".into(), speed: 1.0, offset_s: 0.0, object: String::new(), cause: String::new() };
+    let mut writer = ChannelWriter::new(Vec::new(), &header).unwrap();
+    for line in 0..lines {
+        let time_s = line as f64 / 3.0;
+        let verb = if line % 2 == 0 { Verb::Start(start.clone()) } else { Verb::End };
+        let value = vec![Arrival { gain: 0.5, delay_s: time_s.sin().abs() }; 2];
+        writer.write(&Statement { thread: line as u64 / 2, time_s, verb, value }).unwrap();
+    }
+    writer.finish().unwrap()
+}
+
+#[test]
+fn reading_takes_time_in_proportion_to_the_length() {
+    let read = |text: &[u8]| -> Duration {
+        let begin = Instant::now();
+        let count = ChannelReader::new(text).unwrap().by_time().unwrap().count();
+        assert!(count > 0);
+        begin.elapsed()
+    };
+    let fastest = |text: &[u8]| (0..3).map(|_| read(text)).min().unwrap();
+    let (short, long) = (long_score(5_000), long_score(160_000));
+    let growth = fastest(&long).as_secs_f64() / fastest(&short).as_secs_f64();
+    // 32 times the lines; were it quadratic, it would take 1024 times as long.
+    assert!(growth < 200.0, "reading 32 times the lines took {growth} times as long");
+}
