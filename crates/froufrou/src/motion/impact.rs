@@ -362,7 +362,8 @@ impl Analyser {
         let typical_s = self.settings.step.typical_s();
         let since_s = self.before_s.map_or(f64::INFINITY, |before_s| now_s - before_s);
         match self.settings.step {
-            Step::Stamped(_) if since_s <= 1.5 * typical_s => (since_s, since_s),
+            // Next to no step at all would make a force without bounds of an impulse.
+            Step::Stamped(_) if since_s <= 1.5 * typical_s => (since_s, since_s.max(1e-3 * typical_s)),
             // A fixed step and times rounded to few digits may overlap the step before.
             _ => (typical_s.min(since_s), typical_s),
         }
@@ -499,7 +500,8 @@ impl Analyser {
             window.start_s - end_s < settings.gap() && impulse_ns <= 1.5 * last_ns
         });
         let floor_ns = settings.floor() * rest_n.max(pair.rest_n);
-        if !(impulse_ns > floor_ns) || aftermath {
+        // Sums of absurd numbers may overflow: what is not a finite impulse is none.
+        if impulse_ns <= floor_ns || !impulse_ns.is_finite() || aftermath {
             pair.rest(window.sum.impulse_ns / window.span_s, window.span_s, &settings);
             return;
         }

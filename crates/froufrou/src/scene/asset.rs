@@ -68,7 +68,7 @@ impl PartialEq for NamePattern {
 }
 
 fn compile(text: &str, separate: bool) -> Result<GlobMatcher> {
-    // A few alternatives in braces within each other make an expression of exponential size.
+    // Patterns become regular expressions; a book of alternatives would make a huge one.
     if text.len() > 1000 {
         return Err(Error::new(format!("a pattern of {} bytes: at most 1000 are allowed", text.len())));
     }
@@ -108,7 +108,7 @@ impl Folder {
         if !canonical.is_file() {
             return Err(Error::new(format!("{name:?} is not a file")));
         }
-        Ok(Asset { name: name.replace('\\', "/"), path })
+        Ok(Asset { name: name.to_owned(), path })
     }
 
     /// All files that a pattern matches, sorted by name; a file of exactly that name comes first of

@@ -19,6 +19,8 @@ use crate::{Error, Place, Result};
 pub const LONGEST_RECORD_BYTES: u64 = 1 << 20;
 /// The most bodies that a log may name.
 pub const MOST_BODIES: usize = 1_000_000;
+/// The largest number that is taken as one: products of a few of them are finite.
+pub const LARGEST_NUMBER: f64 = 1e30;
 /// The longest name of a body in bytes.
 pub const LONGEST_NAME_BYTES: usize = 1024;
 
@@ -276,10 +278,12 @@ impl ContactLog {
     fn number(&self, column: usize) -> Result<f64> {
         let field = self.record.get(column).unwrap_or_default();
         let number = std::str::from_utf8(field).ok().and_then(|text| text.parse::<f64>().ok());
-        number.filter(|n| n.is_finite()).ok_or_else(|| {
+        number.filter(|n| n.abs() <= LARGEST_NUMBER).ok_or_else(|| {
             let found: String = String::from_utf8_lossy(field).chars().take(60).collect();
             let name = self.header.get(column).map_or("", String::as_str);
-            Error::new(format!("column `{name}`: expected a finite number, found {found:?}"))
+            Error::new(format!(
+                "column `{name}`: expected a number within ±{LARGEST_NUMBER:e}, found {found:?}"
+            ))
         })
     }
 
@@ -498,14 +502,15 @@ mod tests {
     #[test]
     fn faults_name_line_column_and_what_was_expected() {
         let good = "0.5,a,b,1,2,3,4,0,0,0,1,0";
-        for (field, wrong) in [("px", "x"), ("py", "nan"), ("pz", "inf"), ("Fn", ""), ("t", "1e999")] {
+        for (field, wrong) in [("px", "x"), ("py", "nan"), ("pz", "inf"), ("Fn", ""), ("t", "1e31")] {
             let names: Vec<&str> = HEADER.trim().split(',').collect();
             let mut fields: Vec<&str> = good.split(',').collect();
             if let Some(index) = names.iter().position(|n| *n == field) {
                 fields[index] = wrong;
             }
             let text = format!("{HEADER}{good}\n{}\n", fields.join(","));
-            let expected = format!("log.csv:3: column `{field}`: expected a finite number, found {wrong:?}");
+            let expected =
+                format!("log.csv:3: column `{field}`: expected a number within ±1e30, found {wrong:?}");
             assert_eq!(fault(text), expected);
         }
         let back = format!("{HEADER}{good}\n{good}\n{}\n", good.replace("0.5", "0.4"));

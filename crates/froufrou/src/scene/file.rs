@@ -243,7 +243,7 @@ impl Scene {
     /// As [`Scene::open`].
     ///
     /// ```
-    /// use froufrou::Scene;
+    /// use froufrou::scene::Scene;
     /// let scene = Scene::parse("rate = 96000\n[listener]\nlayout = 'mono'", "scene.toml", false)?;
     /// assert_eq!((scene.rate_hz, scene.microphones.len()), (96000, 1));
     ///

@@ -1,6 +1,6 @@
 //! From the text of a scene file to a checked [`Scene`].
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 use crate::score::{MicrophoneShape, Repeat};
@@ -122,6 +122,10 @@ pub(crate) const ALL_KEYS: &[(&str, Keys)] = &[
     ("`columns` of a contact log", COLUMNS),
 ];
 
+/// The most output channels of a scene.
+const MOST_MICROPHONES: usize = 1024;
+/// The most files or patterns in one list of recordings.
+const MOST_RECORDINGS: usize = 10_000;
 const RATE_HZ: (u64, u64) = (8_000, 192_000);
 const INTERPOLATIONS: &[(&str, Interpolation)] =
     &[("smooth", Interpolation::Smooth), ("linear", Interpolation::Linear), ("step", Interpolation::Step)];
@@ -159,10 +163,11 @@ pub(super) fn scene(text: &str, file: &Path, folder_path: &Path, folder: &Folder
             scene.materials.push(material(name, &node, folder)?);
         }
     }
+    let material_names = scene.materials.iter().enumerate().map(|(i, m)| (m.name.as_str(), i)).collect();
     let mut names = HashMap::new();
     for node in list(&top, "object")? {
         let table = node.table(OBJECT)?;
-        let object = object(&table, &scene.materials, folder)?;
+        let object = object(&table, &material_names, folder)?;
         let index = scene.objects.len();
         if names.insert(object.name.clone(), index).is_some() {
             let name = table.required("name", "a name")?;
@@ -216,6 +221,9 @@ fn microphones(top: &Table<'_, '_>, folder: &Folder) -> Result<Vec<Microphone>> 
         return listeners_ears(listener.as_ref(), folder);
     }
     let mut microphones: Vec<Microphone> = Vec::new();
+    if let Some(node) = nodes.get(MOST_MICROPHONES) {
+        return Err(node.error(format!("more than {MOST_MICROPHONES} microphones")));
+    }
     for node in nodes {
         let table = node.table(MICROPHONE)?;
         let name_node = table.required("name", "a name for the output channel")?;
@@ -380,12 +388,15 @@ fn track(node: &Node<'_, '_>, table: &Table<'_, '_>, keys: Keys) -> Result<Track
 }
 
 fn recordings(nodes: &[Node<'_, '_>], folder: &Folder) -> Result<Vec<Asset>> {
-    let mut found: Vec<Asset> = Vec::new();
+    if let Some(node) = nodes.get(MOST_RECORDINGS) {
+        return Err(node.error(format!("more than {MOST_RECORDINGS} names in one list")));
+    }
+    let (mut found, mut seen) = (Vec::new(), HashSet::new());
     for node in nodes {
         let pattern = node.text("the name of a recording or a pattern such as \"hits/*.wav\"")?;
         for asset in with_place(node, folder.files(&pattern))? {
             // A file that two patterns match is one recording.
-            if !found.contains(&asset) {
+            if seen.insert(asset.name.clone()) {
                 found.push(asset);
             }
         }
@@ -449,7 +460,7 @@ fn unknown(node: &Node<'_, '_>, kind: &str, name: &str, names: &[&str]) -> Error
     }
 }
 
-fn object(table: &Table<'_, '_>, materials: &[Material], folder: &Folder) -> Result<Object> {
+fn object(table: &Table<'_, '_>, materials: &HashMap<&str, usize>, folder: &Folder) -> Result<Object> {
     let name = table.required("name", "a name")?.text("a name")?;
     table.at_most_one(&["source", "position", "track"])?;
     let motion = match (table.get("source"), table.get("track"), table.get("position")) {
@@ -480,9 +491,13 @@ fn object(table: &Table<'_, '_>, materials: &[Material], folder: &Folder) -> Res
     let material = match table.get("material") {
         Some(node) => {
             let wanted = node.text("the name of a material")?;
-            let names: Vec<&str> = materials.iter().map(|m| m.name.as_str()).collect();
-            let index = names.iter().position(|n| *n == wanted);
-            Some(index.ok_or_else(|| unknown(&node, "material", &wanted, &names))?)
+            let index = materials.get(wanted.as_str()).copied();
+            Some(index.ok_or_else(|| {
+                // In order, so that of two that are equally near always the same is suggested.
+                let mut names: Vec<&str> = materials.keys().copied().collect();
+                names.sort_unstable();
+                unknown(&node, "material", &wanted, &names)
+            })?)
         }
         None => None,
     };
@@ -616,7 +631,7 @@ fn contacts(table: &Table<'_, '_>, folder: &Folder) -> Result<Contacts> {
                 .map(|node| node.text("the name of a column"))
                 .transpose()?,
             up: [UpAxis::Y, UpAxis::Z][up],
-            unit_m: table.get("unit").map_or(Ok(1.0), |node| node.positive("a number of metres"))?,
+            unit_m: table.get("unit").map_or(Ok(1.0), |node| node.within("a number of metres", 1e-9, 1e9))?,
             time_offset_s: time_offset(table)?,
         },
         step_s: table.get("step").map(|n| n.within("a number of seconds", 1e-6, 1.0)).transpose()?,

@@ -289,7 +289,7 @@ impl<'d, 't> Table<'d, 't> {
                     document.error(key.span().start, format!("unknown key `{}`{place}", shortened(name)));
                 return Err(match nearest(name, keys.iter().copied()) {
                     Some(near) => error.help(format!("did you mean `{near}`?")),
-                    None => error.help(format!("there are {}", alternatives(keys.iter().copied()))),
+                    None => error.help(format!("expected {}", alternatives(keys.iter().copied()))),
                 });
             }
         }

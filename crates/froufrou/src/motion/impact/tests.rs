@@ -336,12 +336,16 @@ proptest! {
 
     #[test]
     fn any_numbers_give_finite_blows(
-        values in proptest::collection::vec((0.0f64..0.01, 0u32..3, 0u32..3, -1e300f64..1e300, -1e6f64..1e9), 0..200)
+        values in proptest::collection::vec(
+            (prop_oneof![0.0f64..0.01, 0.0f64..1e-300, Just(0.0)], 0u32..3, 0u32..3, -1e30f64..1e30, -1e6f64..1e30, any::<bool>()),
+            0..200,
+        )
     ) {
         let mut time_s = 0.0;
-        let rows: Vec<ContactRow> = values.into_iter().map(|(dt, a, b, x, force)| {
+        let rows: Vec<ContactRow> = values.into_iter().map(|(dt, a, b, x, push, impulse)| {
             time_s += dt;
-            row(time_s, a, b, [x / 1e200, 1.0, -1.0], force)
+            let push = if impulse { Push::Impulse(push) } else { Push::Force(push) };
+            ContactRow { push, ..row(time_s, a, b, [x, 1.0, -1.0], 0.0) }
         }).collect();
         for blow in blows(1000.0, &rows)? {
             prop_assert!(blow.time_s.is_finite() && blow.impulse_ns > 0.0);
@@ -505,18 +509,20 @@ fn the_great_impacts_are_found_in_logs_of_any_rate() -> Result<()> {
             })
             .collect();
         let found = blows(rate_hz, &slow)?;
-        for (a, b, time_s, impulse_ns) in [
-            ("ball", "ramp", 0.1435, 0.77),
-            ("block_slide", "ramp", 0.1445, 1.55),
-            ("coin", "ground", 0.2365, 0.119),
-            ("ball", "ground", 1.5205, 0.757),
-            ("ball", "brick0", 1.9135, 0.58),
+        for (a, b, mass_kg, time_s, impulse_ns) in [
+            ("ball", "ramp", 0.5, 0.1435, 0.768),
+            ("block_slide", "ramp", 1.0, 0.1445, 1.545),
+            ("coin", "ground", 0.05, 0.2365, 0.119),
+            ("ball", "ground", 0.5, 1.5205, 0.757),
+            ("ball", "brick0", 0.5, 1.9135, 0.582),
         ] {
             let pair = [number(a).min(number(b)), number(a).max(number(b))];
             let near =
                 |blow: &&Blow| blow.bodies == pair && (blow.time_s - time_s).abs() < 1.0 / rate_hz + 0.001;
             let Some(hit) = found.iter().find(near) else { panic!("{rate_hz}: {a} on {b}: {found:?}") };
-            assert!((hit.impulse_ns / impulse_ns - 1.0).abs() < 0.2, "{rate_hz}: {a} on {b}: {hit:?}");
+            // A log cannot tell what of the first step was weight, nor two blows in one step apart.
+            let tolerance_ns = 0.12 * impulse_ns + mass_kg * G / rate_hz;
+            assert!((hit.impulse_ns - impulse_ns).abs() < tolerance_ns, "{rate_hz}: {a} on {b}: {hit:?}");
         }
         assert!(found.iter().all(|b| b.time_s < 2.1), "{rate_hz}: {found:?}");
     }
