@@ -816,6 +816,6 @@ fn a_microphone_that_stands_still_needs_no_lines_and_takes_none() {
     let error = ObjectDocument::read(text.as_bytes()).unwrap_err().to_string();
     assert_eq!(
         error,
-        "6:6: microphone m stands still where it was declared (leave the place out there if it is to move)"
+        "6:6: microphone `m` stands still where it was declared (leave the place out there if it is to move)"
     );
 }
