@@ -165,9 +165,11 @@ fn decode_any(bytes: &[u8], name: &str) -> Result<Recording> {
         [0x1a, 0x45, 0xdf, 0xa3, ..] => unsupported("Matroska or WebM"),
         [_, _, _, _, b'f', b't', b'y', b'p', ..] => unsupported("MP4 (AAC or ALAC)"),
         _ if skipped > 0 || name.to_ascii_lowercase().ends_with(".mp3") => compressed::decode_mp3(bytes),
-        _ => Err(Error::new("this is not audio that can be read: expected WAV, AIFF, FLAC, Ogg Vorbis or MP3")
-            .at(Place::Byte(skipped as u64))
-            .help(CONVERT)),
+        _ => {
+            Err(Error::new("this is not audio that can be read: expected WAV, AIFF, FLAC, Ogg Vorbis or MP3")
+                .at(Place::Byte(skipped as u64))
+                .help(CONVERT))
+        }
     }
 }
 
@@ -218,6 +220,7 @@ fn append(channels: &mut [Vec<f32>], block: &[Vec<f32>]) -> Result<()> {
 /// them is proven to be in bounds; should one panic on a corrupt file, that is an error like any other
 /// (after the message that a panic prints).
 fn contained<T>(decoder: &str, decode: impl FnOnce() -> Result<T>) -> Result<T> {
-    std::panic::catch_unwind(std::panic::AssertUnwindSafe(decode))
-        .unwrap_or_else(|_| Err(Error::new(format!("the file is corrupt: its {decoder} data does not decode"))))
+    std::panic::catch_unwind(std::panic::AssertUnwindSafe(decode)).unwrap_or_else(|_| {
+        Err(Error::new(format!("the file is corrupt: its {decoder} data does not decode")))
+    })
 }

@@ -145,8 +145,9 @@ impl WavWriter {
         // The header gives the bytes of a second in 32 bits.
         let frame_bytes = format.channels as u32 * u32::from(format.samples.bits() / 8);
         if format.rate_hz == 0 || format.rate_hz.checked_mul(frame_bytes).is_none() {
-            return Err(Error::new(format!("a WAV file cannot have a rate of {} Hz", format.rate_hz))
-                .in_file(path));
+            return Err(
+                Error::new(format!("a WAV file cannot have a rate of {} Hz", format.rate_hz)).in_file(path)
+            );
         }
         let destination = destination(path)?;
         let folder = match destination.parent() {
@@ -250,8 +251,10 @@ fn destination(path: &Path) -> Result<PathBuf> {
         Ok(metadata) if metadata.is_dir() => {
             Err(Error::new("expected the name of a WAV file to write, found a folder").in_file(path))
         }
-        Ok(_) => Err(Error::new("expected the name of a WAV file to write, found a pipe or a device")
-            .in_file(path)),
+        Ok(_) => {
+            Err(Error::new("expected the name of a WAV file to write, found a pipe or a device")
+                .in_file(path))
+        }
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(path.to_path_buf()),
         Err(error) => Err(Error::io("open", path, error)),
     }
@@ -302,10 +305,15 @@ mod tests {
     fn what_is_written_is_read_in_every_format_and_channel_count() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("x.wav");
-        let formats =
-            [(SampleFormat::Int16, 1.51 / 32768.0), (SampleFormat::Int24, 0.51 / 8388608.0), (SampleFormat::Float32, 0.0)];
+        let formats = [
+            (SampleFormat::Int16, 1.51 / 32768.0),
+            (SampleFormat::Int24, 0.51 / 8388608.0),
+            (SampleFormat::Float32, 0.0),
+        ];
         for (samples, tolerance) in formats {
-            for (channels, rate_hz) in [(1, 8_000), (2, 44_100), (6, 48_000), (8, 192_000), (19, 96_000), (64, 48_000)] {
+            for (channels, rate_hz) in
+                [(1, 8_000), (2, 44_100), (6, 48_000), (8, 192_000), (19, 96_000), (64, 48_000)]
+            {
                 let sound = sound(100, channels);
                 let written = write(&path, WavFormat { rate_hz, ..format(samples, channels) }, &sound);
                 assert_eq!(written, Written { frames: 100, clipped: 0, not_a_number: 0 });
@@ -327,7 +335,8 @@ mod tests {
         let sound = sound(1000, 2);
         write(&whole, format(SampleFormat::Int16, 2), &sound);
         let mut writer =
-            WavWriter::create(&part, WavFormat { first_frame: 300, ..format(SampleFormat::Int16, 2) }).unwrap();
+            WavWriter::create(&part, WavFormat { first_frame: 300, ..format(SampleFormat::Int16, 2) })
+                .unwrap();
         // In blocks of another size, too.
         for block in sound[600..1400].chunks(14) {
             writer.write(block).unwrap();
@@ -411,7 +420,9 @@ mod tests {
     #[test]
     fn what_cannot_be_written_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
-        let at = |name: &str, format| WavWriter::create(folder.path().join(name), format).err().unwrap().to_string();
+        let at = |name: &str, format| {
+            WavWriter::create(folder.path().join(name), format).err().unwrap().to_string()
+        };
         let good = format(SampleFormat::Int16, 2);
         assert!(at("missing/x.wav", good).contains("cannot create"));
         assert!(at("", good).contains("a folder"));

@@ -27,7 +27,10 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Recording> {
         match &header[..4] {
             b"COMM" => {
                 let Some(chunk) = bytes.get(start..end) else {
-                    return Err(cut_short(&format!("chunk `COMM` at byte {position} has {size} bytes"), bytes));
+                    return Err(cut_short(
+                        &format!("chunk `COMM` at byte {position} has {size} bytes"),
+                        bytes,
+                    ));
                 };
                 let place = Place::Byte(position as u64);
                 common = Some(read_common(chunk, is_compressed_form).map_err(|e| e.at(place))?);
@@ -35,7 +38,10 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Recording> {
             // An offset to the first sample and a block size precede the samples.
             b"SSND" if size >= 8 => {
                 let Some(offset) = bytes.get(start..start + 4) else {
-                    return Err(cut_short(&format!("chunk `SSND` at byte {position} has {size} bytes"), bytes));
+                    return Err(cut_short(
+                        &format!("chunk `SSND` at byte {position} has {size} bytes"),
+                        bytes,
+                    ));
                 };
                 let offset = ByteOrder::Big.number(offset) as usize;
                 sound = Some((start + 8).saturating_add(offset)..end);
@@ -54,7 +60,10 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Recording> {
         return Err(Error::new("the file holds no sound: 0 frames"));
     }
     let Some(sound) = sound else {
-        return Err(cut_short(&format!("{frames} frames were announced and no `SSND` chunk was found"), bytes));
+        return Err(cut_short(
+            &format!("{frames} frames were announced and no `SSND` chunk was found"),
+            bytes,
+        ));
     };
     let needed = frames.saturating_mul(encoding.bytes() * channels);
     let data_end = sound.start.saturating_add(needed);

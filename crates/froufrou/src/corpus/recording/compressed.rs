@@ -106,9 +106,8 @@ pub(super) fn decode_mp3(bytes: &[u8]) -> Result<Recording> {
         _ => bytes,
     };
     contained("MP3", || {
-        let reader = MpaReader::try_new(stream(bytes.to_vec()), FormatOptions::default()).map_err(|e| {
-            Error::new(format!("no sound was found that could be MP3: {e}"))
-        })?;
+        let reader = MpaReader::try_new(stream(bytes.to_vec()), FormatOptions::default())
+            .map_err(|e| Error::new(format!("no sound was found that could be MP3: {e}")))?;
         let track = reader.tracks().first();
         let parameters = track.and_then(|track| track.codec_params.as_ref()).and_then(|p| p.audio());
         let (Some(track), Some(parameters)) = (track, parameters) else {
@@ -121,9 +120,10 @@ pub(super) fn decode_mp3(bytes: &[u8]) -> Result<Recording> {
         let rate_hz = check_header(f64::from(rate_hz), channels)?;
         // Only a LAME tag tells where the sound begins and ends. Without one the reader estimates a
         // length from the bit rate: nothing to cut a recording by. So the cutting is done here.
-        let ends = track.delay.zip(track.padding).map(|(delay, padding)| {
-            (delay as usize, padding as usize, track.num_frames.unwrap_or(0))
-        });
+        let ends = track
+            .delay
+            .zip(track.padding)
+            .map(|(delay, padding)| (delay as usize, padding as usize, track.num_frames.unwrap_or(0)));
         let parameters = parameters.clone();
         let mut decoder = MpaDecoder::try_new(&parameters, &AudioDecoderOptions::default().gapless(false))
             .map_err(corrupt("MP3"))?;

@@ -48,7 +48,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Recording> {
                 0 => (order.number(&bytes[4..8]) + 8).abs_diff(bytes.len() as u64) > 1,
                 _ => STREAMED_BYTES.iter().any(|sizes| sizes.contains(&size)) && size > rest.len() as u64,
             };
-            let data = if is_streamed { Some(rest) } else { rest.get(..size.try_into().unwrap_or(usize::MAX)) };
+            let data =
+                if is_streamed { Some(rest) } else { rest.get(..size.try_into().unwrap_or(usize::MAX)) };
             let Some(data) = data else {
                 let promised = format!("{size} bytes of sound from byte {start} on were announced");
                 return Err(cut_short(&promised, bytes));
@@ -117,8 +118,9 @@ fn read_format(chunk: &[u8], order: ByteOrder) -> Result<Format> {
                 0x55 => "MP3".to_string(),
                 _ => format!("a codec numbered {tag:#06x}"),
             };
-            return Err(Error::new(format!("{codec} of {bits} bits in a WAV file is not read here"))
-                .help(CONVERT));
+            return Err(
+                Error::new(format!("{codec} of {bits} bits in a WAV file is not read here")).help(CONVERT)
+            );
         }
     };
     let expected = encoding.bytes() * channels;
