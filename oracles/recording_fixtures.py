@@ -141,8 +141,13 @@ def main():
         oggenc("mono_8000_vorbis.ogg", 8000, 1, 801)
         oggenc("stereo_44100_vorbis.ogg", 44100, 2, 2205)
         oggenc("six_48000_vorbis.ogg", 48000, 6, 2401, quality=2)
-        # Several pages.
-        oggenc("mono_44100_pages_vorbis.ogg", 44100, 1, 30001)
+        # Two pages of sound. A click late on the first makes its last block a long one that is followed
+        # by a short one: there a decoder is ahead of the position that the page tells.
+        clicking = signal(44100, 1, 34001)
+        clicking[29920:29960] += np.where(np.arange(40) % 2, 0.3, -0.3)[:, None]
+        sf.write(folder / "click.wav", quantised(clicking, "PCM_16"), 44100, "PCM_16")
+        run("oggenc", "-Q", "-q", "10", "--serial", "1", folder / "click.wav", "-o", OUT / "mono_44100_pages_vorbis.ogg")
+
         run("ffmpeg", "-y", "-v", "error", "-i", source(44100, 2, 2205), "-c:a", "libvorbis", "-q:a", "8",
             "-bitexact", OUT / "stereo_44100_ffmpeg_vorbis.ogg")
         run("ffmpeg", "-y", "-v", "error", "-i", source(48000, 1, 2401), "-c:a", "libopus", "-bitexact",
