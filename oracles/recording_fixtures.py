@@ -15,10 +15,12 @@ so that a channel in the wrong place, a frame too many and a sample too large al
 """
 
 import pathlib
+import re
 import subprocess
 import tempfile
 
 import numpy as np
+import pyloudnorm
 import soundfile as sf
 
 OUT = pathlib.Path(__file__).parent.parent / "crates/froufrou/tests/fixtures/audio"
@@ -49,6 +51,41 @@ def run(*command):
 def plain(name, rate_hz, channels, frames, container, subtype, endian=None):
     sound = quantised(signal(rate_hz, channels, frames), subtype)
     sf.write(OUT / name, sound, rate_hz, subtype, endian, container)
+    # Files of floats hold the time of writing: not here, so that the script repeats itself.
+    data = bytearray((OUT / name).read_bytes())
+    if (peak := data.find(b"PEAK")) >= 0:
+        data[peak + 12 : peak + 16] = bytes(4)
+        (OUT / name).write_bytes(data)
+
+
+def loud_signal(rate_hz, channels):
+    """8 s of two swelling tones in each channel, the closed form that the test of the meter repeats."""
+    t = np.arange(8 * rate_hz)[:, None] / rate_hz
+    c = np.arange(channels)[None, :]
+    swell = 0.3 * (1 + 0.9 * np.sin(2 * np.pi * 0.7 * t + c))
+    low = 0.5 * np.sin(2 * np.pi * (180 + 130 * c) * t)
+    return swell * (low + 0.3 * np.sin(2 * np.pi * (2900 + 410 * c) * t + 0.5))
+
+
+def loudness():
+    """Integrated loudness by pyloudnorm and by ffmpeg, true peak by ffmpeg."""
+    lines = ["rate_hz\tchannels\tpyloudnorm_lufs\tffmpeg_lufs\tffmpeg_true_peak_dbtp"]
+    with tempfile.TemporaryDirectory() as folder:
+        for rate_hz, channels in [(48000, 1), (48000, 2), (44100, 2), (96000, 2), (48000, 5), (8000, 1)]:
+            sound = loud_signal(rate_hz, channels)
+            path = pathlib.Path(folder) / "loud.wav"
+            sf.write(path, sound, rate_hz, "FLOAT")
+            layout = {1: "mono", 2: "stereo", 5: "5.0"}[channels]
+            command = ["ffmpeg", "-hide_banner", "-nostats", "-i", path,
+                       "-af", f"aformat=channel_layouts={layout},ebur128=peak=true", "-f", "null", "-"]
+            report = subprocess.run([str(p) for p in command], check=True, capture_output=True, text=True).stderr
+            summary = report[report.rindex("Summary:"):]
+            lufs = re.search(r"I: +(-?[0-9.]+) LUFS", summary).group(1)
+            peak = re.search(r"Peak: +(-?[0-9.]+) dBFS", summary).group(1)
+            by_pyloudnorm = pyloudnorm.Meter(rate_hz).integrated_loudness(sound)
+            lines.append(f"{rate_hz}\t{channels}\t{by_pyloudnorm:.3f}\t{lufs}\t{peak}")
+    (OUT.parent / "loudness.tsv").write_text("\n".join(lines) + "\n")
+    print("\n".join(lines))
 
 
 def main():
@@ -104,8 +141,13 @@ def main():
         oggenc("mono_8000_vorbis.ogg", 8000, 1, 801)
         oggenc("stereo_44100_vorbis.ogg", 44100, 2, 2205)
         oggenc("six_48000_vorbis.ogg", 48000, 6, 2401, quality=2)
-        # Several pages.
-        oggenc("mono_44100_pages_vorbis.ogg", 44100, 1, 30001)
+        # Two pages of sound. A click late on the first makes its last block a long one that is followed
+        # by a short one: there a decoder is ahead of the position that the page tells.
+        clicking = signal(44100, 1, 34001)
+        clicking[29920:29960] += np.where(np.arange(40) % 2, 0.3, -0.3)[:, None]
+        sf.write(folder / "click.wav", quantised(clicking, "PCM_16"), 44100, "PCM_16")
+        run("oggenc", "-Q", "-q", "10", "--serial", "1", folder / "click.wav", "-o", OUT / "mono_44100_pages_vorbis.ogg")
+
         run("ffmpeg", "-y", "-v", "error", "-i", source(44100, 2, 2205), "-c:a", "libvorbis", "-q:a", "8",
             "-bitexact", OUT / "stereo_44100_ffmpeg_vorbis.ogg")
         run("ffmpeg", "-y", "-v", "error", "-i", source(48000, 1, 2401), "-c:a", "libopus", "-bitexact",
@@ -117,6 +159,7 @@ def main():
         run("ffmpeg", "-y", "-v", "error", "-i", source(48000, 2, 2401), "-c:a", "libmp3lame", "-b:a", "192k",
             "-metadata", "title=Known sound", "-id3v2_version", "3", OUT / "stereo_48000_ffmpeg.mp3")
 
+    loudness()
     for path in sorted(OUT.iterdir()):
         print(f"{path.stat().st_size:8} {path.name}")
 

@@ -94,8 +94,8 @@ fn lossy_files_hold_the_known_sound_in_its_place_and_length() {
     for (name, rate_hz, channels, frames, least_db) in [
         ("mono_8000_vorbis.ogg", 8_000, 1, 801, 25.0),
         ("stereo_44100_vorbis.ogg", 44_100, 2, 2205, 25.0),
-        ("six_48000_vorbis.ogg", 48_000, 6, 2401, 14.0),
-        ("mono_44100_pages_vorbis.ogg", 44_100, 1, 30_001, 25.0),
+        ("six_48000_vorbis.ogg", 48_000, 6, 2401, 20.0),
+        ("mono_44100_pages_vorbis.ogg", 44_100, 1, 34_001, 25.0),
         ("stereo_44100_ffmpeg_vorbis.ogg", 44_100, 2, 2205, 25.0),
         ("stereo_44100.mp3", 44_100, 2, 2205, 25.0),
         ("mono_44100_variable.mp3", 44_100, 1, 4411, 25.0),
@@ -107,8 +107,8 @@ fn lossy_files_hold_the_known_sound_in_its_place_and_length() {
             if channels == 6 && number == 3 {
                 // The encoder takes nearly all of the sound from the low-frequency channel, which
                 // shows that it is the fourth.
-                let power = |samples: &[f32]| samples.iter().map(|v| v * v).sum::<f32>();
-                assert!(power(channel) < 0.1 * power(&recording.channels[0]), "{name}");
+                let power = |samples: &[f32]| samples[600..1800].iter().map(|v| v * v).sum::<f32>();
+                assert!(power(channel) < 0.01 * power(&recording.channels[0]), "{name}");
                 continue;
             }
             // The abrupt ends of the sound are smeared by every lossy codec.

@@ -5,7 +5,7 @@
 //! | WAV, RF64 | integers of 8 to 32 bits, floats of 32 and 64 bits, A-law, µ-law; plain and extensible headers | the data chunk's size; a streamed file (size 0 or the largest there is) goes on to its end |
 //! | AIFF, AIFF-C | the same, in either byte order | the common chunk's frame count |
 //! | FLAC | all | the stream info's frame count; the decoded sound is checked against its MD5 |
-//! | Ogg Vorbis | all; channels in the order of WAV | the granule position of the last page |
+//! | Ogg Vorbis | all; channels in the order of WAV | the granule position of the last page; a stream without a last page is read as far as its pages are whole |
 //! | MP3 | MPEG 1, 2 and 2.5, layer III | the encoder's delay and padding are cut off where a LAME tag tells them |
 //!
 //! A file that promises more sound than it holds is an error that names the byte where it ends, never
@@ -216,9 +216,10 @@ fn append(channels: &mut [Vec<f32>], block: &[Vec<f32>]) -> Result<()> {
     Ok(())
 }
 
-/// Runs a decoder that is not ours. Those in use are written to return errors, but not every index in
-/// them is proven to be in bounds; should one panic on a corrupt file, that is an error like any other
-/// (after the message that a panic prints).
+/// Runs a decoder that is not ours. They return errors for nearly all corrupt files, but some make
+/// them panic (of 20 000 damaged Vorbis files, with their checksums set right, one overflowed a sum
+/// in `lewton`). That is an error like any other, after the message that a panic prints; a program
+/// built to abort on panics ends there.
 fn contained<T>(decoder: &str, decode: impl FnOnce() -> Result<T>) -> Result<T> {
     std::panic::catch_unwind(std::panic::AssertUnwindSafe(decode)).unwrap_or_else(|_| {
         Err(Error::new(format!("the file is corrupt: its {decoder} data does not decode")))

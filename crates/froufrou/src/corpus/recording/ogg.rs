@@ -98,7 +98,12 @@ struct Stream {
     has_comments: bool,
     setup: Option<SetupHeader>,
     window: PreviousWindowRight,
-    /// Frames decoded, before any are cut off.
+    /// For every mode whether its blocks are long; none where the setup header hides it.
+    modes: Vec<bool>,
+    /// The size of the last block.
+    block: Option<i64>,
+    /// Frames from the centre of the first block to that of the last. Granule positions count these;
+    /// the decoder gives some frames sooner, where a short block is to follow a long one.
     decoded: i64,
     /// Frames of the recording that were there before this stream (of a chain) began.
     before: usize,
@@ -133,6 +138,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Recording> {
                     has_comments: false,
                     setup: None,
                     window: PreviousWindowRight::new(),
+                    modes: Vec::new(),
+                    block: None,
                     decoded: 0,
                     before,
                     begins: None,
@@ -252,6 +259,7 @@ impl Stream {
             let setup = read_header_setup(packet, identification.audio_channels, blocks)
                 .map_err(|e| corrupt("setup header", &e))?;
             self.setup = Some(setup);
+            self.modes = long_modes(packet);
             return Ok(());
         };
         // An empty packet is silence that was left out, by some encoders at the very end.
@@ -270,7 +278,15 @@ impl Stream {
             channels: vec![Vec::new(); usize::from(identification.audio_channels)],
         });
         append(&mut recording.channels, &block)?;
-        self.decoded += block.first().map_or(0, Vec::len) as i64;
+        let mode_bits = usize::BITS - self.modes.len().saturating_sub(1).leading_zeros();
+        let mode = usize::from(packet[0] >> 1) & ((1 << mode_bits) - 1);
+        let Some(is_long) = self.modes.get(mode) else {
+            self.decoded += block.first().map_or(0, Vec::len) as i64;
+            return Ok(());
+        };
+        let size = 1i64 << if *is_long { identification.blocksize_1 } else { identification.blocksize_0 };
+        self.decoded += self.block.map_or(0, |last| (last + size) / 4);
+        self.block = Some(size);
         Ok(())
     }
 }
@@ -334,6 +350,29 @@ fn weigh_codebooks(packet: &[u8]) -> Result<()> {
     Ok(())
 }
 
+/// Which modes of a setup header have long blocks (Vorbis I specification, section 4.2.4, "modes").
+///
+/// They are the last thing in it, and what precedes them has no length of its own; so they are read
+/// from the end: each is a flag, 32 bits of 0 and 8 bits, and their count less 1 in 6 bits precedes
+/// them. Where the count agrees with more than one number of modes, the largest is right.
+fn long_modes(packet: &[u8]) -> Vec<bool> {
+    let bit = |at: usize| packet[at / 8] >> (at % 8) & 1 == 1;
+    // A flag of 1 ends the header, then padding to the byte.
+    let Some(mut at) = (0..8 * packet.len()).rev().find(|at| bit(*at)) else {
+        return Vec::new();
+    };
+    let (mut flags, mut agreed) = (Vec::new(), Vec::new());
+    while at >= 41 + 6 && flags.len() < 64 && !(at - 40..at - 8).any(bit) {
+        at -= 41;
+        flags.insert(0, bit(at));
+        let count = (at - 6..at).rev().fold(0, |number, at| number << 1 | usize::from(bit(at))) + 1;
+        if count == flags.len() {
+            agreed.clone_from(&flags);
+        }
+    }
+    agreed
+}
+
 /// The largest number whose power of so many dimensions is at most the entries.
 fn grid_side(entries: u64, dimensions: u64) -> u64 {
     let fits = |side: u64| side.checked_pow(dimensions as u32).is_some_and(|volume| volume <= entries);
@@ -374,11 +413,42 @@ mod tests {
         std::fs::read(format!("{}/tests/fixtures/audio/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap()
     }
 
+    /// The third packet of a file: on the second page, and perhaps the third, after the comments.
+    fn setup_packet(bytes: &[u8]) -> Vec<u8> {
+        let mut position = read_page(bytes, 0).unwrap().unwrap().end;
+        let mut packets = vec![Vec::new()];
+        while packets.len() < 3 {
+            let page = read_page(bytes, position).unwrap().unwrap();
+            let mut body = page.body;
+            for &length in page.lacing {
+                let (segment, rest) = body.split_at(usize::from(length));
+                body = rest;
+                packets.last_mut().unwrap().extend_from_slice(segment);
+                if length < 255 {
+                    packets.push(Vec::new());
+                }
+            }
+            position = page.end;
+        }
+        packets.swap_remove(1)
+    }
+
     #[test]
     fn the_checksum_is_that_of_ogg() {
         let bytes = fixture("stereo_44100_vorbis.ogg");
         let page = read_page(&bytes, 0).unwrap().unwrap();
         assert!(page.is_first && !page.is_last && page.body.starts_with(b"\x01vorbis"));
+    }
+
+    #[test]
+    fn the_modes_are_found_at_the_end_of_the_setup_header() {
+        // The reference encoder has one mode of short blocks and one of long ones; at low rates the
+        // first alone.
+        let modes = |name: &str| long_modes(&setup_packet(&fixture(name)));
+        assert_eq!(modes("stereo_44100_vorbis.ogg"), [false, true]);
+        assert_eq!(modes("six_48000_vorbis.ogg"), [false, true]);
+        assert_eq!(modes("mono_8000_vorbis.ogg"), [false]);
+        assert!(long_modes(&[]).is_empty() && long_modes(&[0; 40]).is_empty());
     }
 
     #[test]
@@ -389,13 +459,7 @@ mod tests {
 
     #[test]
     fn a_codebook_of_terabytes_is_refused() {
-        let bytes = fixture("stereo_44100_vorbis.ogg");
-        let first = read_page(&bytes, 0).unwrap().unwrap();
-        let second = read_page(&bytes, first.end).unwrap().unwrap();
-        // The setup packet follows the comments on the second page.
-        let comments: usize = second.lacing.iter().take_while(|l| **l == 255).count() * 255
-            + usize::from(*second.lacing.iter().find(|l| **l < 255).unwrap());
-        let mut setup = second.body[comments..].to_vec();
+        let mut setup = setup_packet(&fixture("stereo_44100_vorbis.ogg"));
         assert!(setup.starts_with(b"\x05vorbis"));
         assert!(weigh_codebooks(&setup).is_ok());
         // Dimensions and entries of the first codebook, after the count and the sync word.
