@@ -138,6 +138,9 @@ impl Tree {
 
     /// The path of an object as it is written.
     fn path(&self, object: usize) -> String {
+        if object == TOP {
+            return "/".into();
+        }
         let mut names = Vec::new();
         let mut index = object;
         while index != TOP {
