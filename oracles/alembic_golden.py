@@ -32,19 +32,19 @@ def golden(archive):
         for _ in range(SUMS if entry.key_times() else 1):
             time = moment(entry)
             positions = entry.positions(time)
-            sums.append([index, time, len(positions), *positions.sum(axis=0).tolist()])
+            sums.append([index, time, len(positions), positions.sum(axis=0).tolist()])
     if "rumba" not in archive.name:
         for _ in range(TRANSFORMS):
             index = choose.randrange(len(entries))
             time = moment(entries[index])
-            transforms.append([index, time, *entries[index].world(time)[:3].ravel().tolist()])
+            transforms.append([index, time, entries[index].world(time)[:3].ravel().tolist()])
         meshes = [i for i, entry in enumerate(entries) if entry.kind == "Mesh"]
         for _ in range(VERTICES):
             index = choose.choice(meshes)
             time = moment(entries[index])
             positions = entries[index].positions(time)
             vertex = choose.randrange(len(positions))
-            vertices.append([index, time, vertex, *positions[vertex].tolist()])
+            vertices.append([index, time, vertex, positions[vertex].tolist()])
     return {
         "paths": [entry.path for entry in entries],
         "key_times": [len(entry.key_times()) for entry in entries],

@@ -18,11 +18,11 @@ struct Golden {
     paths: Vec<String>,
     key_times: Vec<usize>,
     /// Object, time, three rows of its matrix.
-    transforms: Vec<(usize, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64)>,
+    transforms: Vec<(usize, f64, [f64; 12])>,
     /// Object, time, vertex, position.
-    vertices: Vec<(usize, f64, usize, f64, f64, f64)>,
+    vertices: Vec<(usize, f64, usize, [f64; 3])>,
     /// Object, time, number of vertices, sum of their positions.
-    sums: Vec<(usize, f64, usize, f64, f64, f64)>,
+    sums: Vec<(usize, f64, usize, [f64; 3])>,
 }
 
 /// The test animation of a name, where the data are.
@@ -52,25 +52,25 @@ fn compare(name: &str) {
 
     let mut mesh = Mesh::default();
     let mut worst = [0.0_f64; 3];
-    for &(object, time_s, a, b, c, d, e, f, g, h, i, j, k, l) in &golden.transforms {
+    for &(object, time_s, expected) in &golden.transforms {
         let found = animation.transform(object, time_s).expect("a sound sample");
-        for (found, expected) in found.as_flattened().iter().zip([a, b, c, d, e, f, g, h, i, j, k, l]) {
+        for (found, expected) in found.as_flattened().iter().zip(expected) {
             assert!((found - expected).abs() < 1e-9, "{} at {time_s}", golden.paths[object]);
             worst[0] = worst[0].max((found - expected).abs());
         }
     }
-    for &(object, time_s, vertex, x, y, z) in &golden.vertices {
+    for &(object, time_s, vertex, expected) in &golden.vertices {
         animation.mesh(object, time_s, &mut mesh).expect("a sound sample");
-        for (found, expected) in mesh.positions[vertex].into_iter().zip([x, y, z]) {
+        for (found, expected) in mesh.positions[vertex].into_iter().zip(expected) {
             let difference = (f64::from(found) - expected).abs();
             assert!(difference < TOLERANCE, "{} vertex {vertex} at {time_s}", golden.paths[object]);
             worst[1] = worst[1].max(difference);
         }
     }
-    for &(object, time_s, count, x, y, z) in &golden.sums {
+    for &(object, time_s, count, expected) in &golden.sums {
         animation.mesh(object, time_s, &mut mesh).expect("a sound sample");
         assert_eq!(mesh.positions.len(), count);
-        for (axis, expected) in [x, y, z].into_iter().enumerate() {
+        for (axis, expected) in expected.into_iter().enumerate() {
             let sum: f64 = mesh.positions.iter().map(|position| f64::from(position[axis])).sum();
             let difference = (sum - expected).abs() / count as f64;
             assert!(difference < TOLERANCE, "{} centre at {time_s}", golden.paths[object]);
