@@ -482,3 +482,27 @@ fn a_group_or_block_beyond_the_file_is_refused() {
         assert!(matches!(error.place(), Some(Place::Part(part)) if part.contains("/a")), "{error}");
     }
 }
+
+#[test]
+fn a_count_or_size_beyond_the_file_is_refused_before_it_is_believed() {
+    let (_turn, scratch) = (turn(), Scratch::new());
+    for claim in [100_000_u64, 1 << 40, u64::MAX / 8, u64::MAX] {
+        let mut writer = Writer::new();
+        let child = writer.object(0, &[]);
+        let top = writer.object(0, &[("a", "", child)]);
+        let mut bytes = writer.finish(top);
+        bytes[child as usize..child as usize + 8].copy_from_slice(&claim.to_le_bytes());
+        let error = scratch.error(&bytes);
+        assert!(error.contains(&format!("claims {claim} children")) && error.contains("/a"), "{error}");
+
+        let mut writer = Writer::new();
+        let mesh = writer.mesh(10, &[vec![0; 12]]);
+        let top = writer.object(0, &[("mesh", "schema=AbcGeom_PolyMesh_v1", mesh)]);
+        let mut bytes = writer.finish(top);
+        // The first block is the sample of the points: its size comes right after the header.
+        assert_eq!(bytes[16..24], 28_u64.to_le_bytes());
+        bytes[16..24].copy_from_slice(&claim.to_le_bytes());
+        let error = scratch.error(&bytes);
+        assert!(error.contains(&format!("claims {claim} bytes")) && error.contains("/mesh"), "{error}");
+    }
+}
