@@ -138,6 +138,9 @@ impl Tree {
 
     /// The path of an object as it is written.
     fn path(&self, object: usize) -> String {
+        if object == TOP {
+            return "/".into();
+        }
         let mut names = Vec::new();
         let mut index = object;
         while index != TOP {
@@ -272,7 +275,7 @@ impl Written {
         let Some(compound) = properties.compound(name, archive, reading)? else { return Ok(()) };
         match kind {
             "AbcGeom_Xform_v3" => {
-                let xform = Xform::new(&compound, archive, ledger)?;
+                let xform = Xform::new(&compound, archive, ledger, memory)?;
                 self.own_times = xform.key_times(memory)?;
                 memory.charge(size_of::<Xform>() as u64)?;
                 self.schema = Schema::Xform(Arc::new(xform));

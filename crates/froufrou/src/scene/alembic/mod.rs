@@ -50,7 +50,8 @@
 //! sample before holds. Transforms are taken apart: translation and scale are interpolated linearly,
 //! rotation spherically by the shorter way.
 //!
-//! Values are given as they are: a NaN in the file is a NaN in the mesh or the transform.
+//! Values are given as they are: a NaN in the file is a NaN in the transform or in the vertex, of
+//! which the transform then spreads it to all three coordinates.
 //!
 //! # Damaged files
 //! Every count and size is held against the file's length before memory is taken for it, the work

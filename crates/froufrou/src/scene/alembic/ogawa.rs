@@ -224,7 +224,7 @@ impl Ogawa {
         position.checked_add(8).and_then(|start| self.length().checked_sub(start)).ok_or_else(|| {
             Fault::damage(
                 self.length(),
-                format!("the file ends here, but {what} should follow at byte {position}"),
+                format!("the file ends here, but {what} should be at byte {position}"),
             )
         })
     }

@@ -30,7 +30,7 @@ pub(super) struct PolyMesh {
 /// The faces of one sample, sound in themselves.
 #[derive(Debug, Default, PartialEq)]
 struct Faces {
-    /// As in the file: clockwise.
+    /// Counter-clockwise, unlike the file's.
     vertices: Vec<u32>,
     sizes: Vec<u32>,
     /// How many vertices there must be.
@@ -113,16 +113,14 @@ impl PolyMesh {
         let transform = |point: DVec3| world.transform_point3(point).as_vec3().to_array();
         let of = |point: &[f32; 3]| DVec3::from(point.map(f64::from));
         let after = if floor == ceiling { None } else { Some(self.points(points, ceiling, ogawa)?) };
+        let alike = |after: &Vec<[f32; 3]>| -> Outcome<bool> {
+            let faces_after = self.faces(time_of(bracket.ceiling), ogawa)?;
+            Ok(after.len() == before.len() && (Arc::ptr_eq(&faces, &faces_after) || faces == faces_after))
+        };
         match after {
-            Some(after)
-                if after.len() == before.len() && *self.faces(time_of(bracket.ceiling), ogawa)? == *faces =>
-            {
-                mesh.positions.extend(
-                    before
-                        .iter()
-                        .zip(after.iter())
-                        .map(|(a, b)| transform(of(a).lerp(of(b), bracket.fraction))),
-                );
+            Some(after) if alike(&after)? => {
+                let pairs = before.iter().zip(after.iter());
+                mesh.positions.extend(pairs.map(|(a, b)| transform(of(a).lerp(of(b), bracket.fraction))));
             }
             _ => mesh.positions.extend(before.iter().map(|point| transform(of(point)))),
         }
@@ -137,16 +135,10 @@ impl PolyMesh {
             ));
         }
         mesh.face_sizes.extend_from_slice(&faces.sizes);
-        // Alembic winds faces clockwise and the house counter-clockwise; a mirror turns them round.
+        mesh.face_vertices.extend_from_slice(&faces.vertices);
+        // A mirror turns the faces round.
         if world.matrix3.determinant() < 0.0 {
-            mesh.face_vertices.extend_from_slice(&faces.vertices);
-        } else {
-            let mut rest = faces.vertices.as_slice();
-            for &size in &faces.sizes {
-                let (face, others) = rest.split_at_checked(size as usize).unwrap_or((rest, &[]));
-                mesh.face_vertices.extend(face.iter().rev());
-                rest = others;
-            }
+            turn_round(&mut mesh.face_vertices, &faces.sizes);
         }
         Ok(())
     }
@@ -168,7 +160,7 @@ impl PolyMesh {
             let list = |property: &Option<Property>, stored| {
                 property.as_ref().map_or(Ok(Vec::new()), |property| property.indices(stored, ogawa))
             };
-            let (vertices, sizes) = (list(&self.indices, key.0)?, list(&self.counts, key.1)?);
+            let (mut vertices, sizes) = (list(&self.indices, key.0)?, list(&self.counts, key.1)?);
             let total: u64 = sizes.iter().map(|size| u64::from(*size)).sum();
             if total != vertices.len() as u64 {
                 return Err(Fault::new(
@@ -177,9 +169,21 @@ impl PolyMesh {
                 ));
             }
             let vertices_needed = vertices.iter().max().map_or(0, |index| *index as usize + 1);
+            // Alembic winds faces clockwise and the house counter-clockwise.
+            turn_round(&mut vertices, &sizes);
             Ok(Faces { vertices, sizes, vertices_needed })
         };
         let bytes = |faces: &Faces| 4 * (faces.vertices.len() + faces.sizes.len()) as u64;
         self.face_cache.get(key, read, bytes)
+    }
+}
+
+/// Gives each face the other side; `sizes` add up to the number of vertices.
+fn turn_round(vertices: &mut [u32], sizes: &[u32]) {
+    let mut rest = vertices;
+    for &size in sizes {
+        let Some((face, others)) = rest.split_at_mut_checked(size as usize) else { return };
+        face.reverse();
+        rest = others;
     }
 }

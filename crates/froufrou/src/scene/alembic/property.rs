@@ -176,7 +176,15 @@ impl Property {
                 format!("a sample of `{}` has {bytes} bytes, not a multiple of {element}", self.name),
             ));
         }
-        Ok(bytes / element)
+        let elements = bytes / element;
+        // A string's elements are its bytes.
+        if !self.is_array && elements > 1 && !matches!(self.pod, Pod::String | Pod::WideString) {
+            return Err(Fault::damage(
+                block.position,
+                format!("a sample of the scalar `{}` has {elements} elements", self.name),
+            ));
+        }
+        Ok(elements)
     }
 
     /// The bytes of a stored sample: a whole number of elements.

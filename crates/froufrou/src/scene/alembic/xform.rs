@@ -97,13 +97,20 @@ impl Xform {
     ///
     /// # Errors
     /// Damage.
-    pub(super) fn new(compound: &Compound, archive: &Archive, ledger: &Arc<Ledger>) -> Outcome<Self> {
+    pub(super) fn new(
+        compound: &Compound,
+        archive: &Archive,
+        ledger: &Arc<Ledger>,
+        memory: &mut Allowance,
+    ) -> Outcome<Self> {
         let ogawa = &archive.ogawa;
         let operations = match compound.property(".ops", archive)? {
             Some(property) if !property.is_empty() => {
                 if property.pod() != Pod::U8 {
                     return Err(property.wrong_type("bytes that name operations"));
                 }
+                // An element is all operations of a scalar property, at most 255, or one of an array.
+                memory.charge(property.elements(0, ogawa)?.saturating_mul(255))?;
                 let codes = property.bytes(0, ogawa)?;
                 let operation = |code: &u8| {
                     Operation::new(*code).ok_or_else(|| {
@@ -193,6 +200,9 @@ impl Xform {
 }
 
 fn flag(property: &Property, stored: u32, ogawa: &Ogawa) -> Outcome<bool> {
+    if property.pod() != Pod::Bool || property.elements(stored, ogawa)? > 1 {
+        return Err(property.wrong_type("a single flag"));
+    }
     Ok(property.bytes(stored, ogawa)?.first().is_none_or(|byte| *byte != 0))
 }
 
