@@ -61,7 +61,7 @@ fn render(bencher: Bencher, voices: u64, still: bool) {
             Mixer::new(RATE_HZ, 2, [("noise".to_string(), noise())], lines().into_iter()).expect("a score");
         mixer.read_to(52_800).expect("lines");
         for block in 0..47 {
-            black_box(mixer.render(4_000 + block * 1024, 1024, false));
+            black_box(mixer.voices().render(4_000 + block * 1024, 1024, false));
         }
     });
 }

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use super::alembic::Alembic;
 use super::animation::{Animation, KeyTimes, Mesh, ObjectKind, Transform};
 use super::file::{Microphone, Motion, Point, Scene, Source};
-use super::track::{Interpolation, Track, facing_frame};
+use super::track::{Interpolation, Track};
 use crate::score::Pose;
 use crate::{Error, Place, Result};
 
@@ -400,7 +400,7 @@ fn into_local(frame: &Transform, position: [f64; 3]) -> Option<[f64; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::track::TrackKey;
+    use crate::scene::track::{TrackKey, facing_frame};
 
     fn key(time_s: f64, x: f64) -> TrackKey {
         TrackKey { time_s, position_m: [x, 0.0, 0.0], facing: [1.0, 0.0, 0.0] }

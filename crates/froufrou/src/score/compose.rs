@@ -305,7 +305,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                 if let Some(planned) = self.starts.pop_front() {
                     self.start(&planned)?;
                 }
-            } else if let Some(event) = std::mem::replace(&mut self.next_event, None) {
+            } else if let Some(event) = self.next_event.take() {
                 self.next_event = self.events.next().transpose()?;
                 let Event::Impact(impact) = &event;
                 self.strike(impact)?;

@@ -36,6 +36,7 @@ pub use syntax::VERSION;
 pub use write::{ChannelWriter, ObjectWriter, Writer};
 
 pub mod compose;
+pub mod ending;
 
 /// What a thread plays.
 #[derive(Debug, Clone, PartialEq)]

@@ -62,118 +62,18 @@ pub struct Begun {
     pub start: Start,
 }
 
-/// Mixes the lines of a channel-space score, which come in time order.
-pub struct Mixer<L> {
-    lines: L,
-    next: Option<ChannelLine>,
+/// The threads that sound, as they are known so far: what is needed to render, and may be shared
+/// between cores.
+pub struct Voices {
     rate_hz: f64,
     channels: usize,
-    names: BTreeMap<String, usize>,
     prototypes: Vec<Prototype>,
     threads: BTreeMap<u64, Thread>,
-    objects: Vec<String>,
-    begun: Vec<Begun>,
-    last_arrival_s: f64,
 }
 
-impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
-    /// A mixer of `channels` channels at `rate_hz`, for the lines of a score and the sounds that its
-    /// `start` lines name.
-    ///
-    /// # Errors
-    /// The first line, where it cannot be read.
-    pub fn new(
-        rate_hz: u32,
-        channels: usize,
-        sounds: impl IntoIterator<Item = (String, Prototype)>,
-        lines: L,
-    ) -> Result<Self> {
-        let (mut names, mut prototypes) = (BTreeMap::new(), Vec::new());
-        for (name, prototype) in sounds {
-            names.insert(name, prototypes.len());
-            prototypes.push(prototype);
-        }
-        let mut mixer = Self {
-            lines,
-            next: None,
-            rate_hz: f64::from(rate_hz),
-            channels,
-            names,
-            prototypes,
-            threads: BTreeMap::new(),
-            objects: Vec::new(),
-            begun: Vec::new(),
-            last_arrival_s: 0.0,
-        };
-        mixer.next = mixer.lines.next().transpose()?;
-        Ok(mixer)
-    }
-
-    /// The objects whose threads have begun so far; stems are numbered by this list.
-    pub fn objects(&self) -> &[String] {
-        &self.objects
-    }
-
-    /// The threads that have begun since this was last asked, in the order of the score.
-    pub fn take_begun(&mut self) -> Vec<Begun> {
-        std::mem::take(&mut self.begun)
-    }
-
-    /// True where every line has been read; then the latest arrival is known.
-    pub fn is_read(&self) -> bool {
-        self.next.is_none()
-    }
-
-    /// The time at which the last thread read so far falls silent, in seconds.
-    pub fn last_arrival_s(&self) -> f64 {
-        self.last_arrival_s
-    }
-
-    /// The number of threads in memory.
-    pub fn threads(&self) -> usize {
-        self.threads.len()
-    }
-
-    /// Reads on until all that arrives before `end_frame` is known.
-    ///
-    /// # Errors
-    /// A line that cannot be read, or one that does not fit those before it.
-    pub fn read_to(&mut self, end_frame: u64) -> Result<()> {
-        let end_s = end_frame as f64 / self.rate_hz;
-        while self.next.as_ref().is_some_and(|line| line.time_s <= end_s + ONSET_S) {
-            self.read_line()?;
-        }
-        let mut open: Vec<u64> =
-            self.threads.iter().filter(|(_, t)| t.known_s() < end_s).map(|(&id, _)| id).collect();
-        while !open.is_empty() && self.next.is_some() {
-            let id = self.read_line()?;
-            if self.threads.get(&id).is_none_or(|t| t.known_s() >= end_s) {
-                open.retain(|&o| o != id);
-            }
-        }
-        if self.next.is_none() {
-            // A thread that the score leaves open sounds no longer than its last key.
-            let open: Vec<u64> = self.threads.iter().filter(|(_, t)| !t.ended).map(|(&id, _)| id).collect();
-            for id in open {
-                self.end(id, None);
-            }
-        }
-        Ok(())
-    }
-
-    /// Forgets what has arrived before `frame`.
-    pub fn release(&mut self, frame: u64) {
-        let time_s = frame as f64 / self.rate_hz;
-        self.threads.retain(|_, thread| {
-            for segments in &mut thread.segments {
-                segments.retain(|s| s.end_s > time_s);
-            }
-            !(thread.ended && thread.segments.iter().all(Vec::is_empty))
-        });
-    }
-
+impl Voices {
     /// Renders the frames from `frame` on. They must have been read ([`Mixer::read_to`]) and not
-    /// released. Blocks may be rendered in any order and at the same time.
+    /// released ([`Mixer::release`]). Blocks may be rendered in any order and at the same time.
     pub fn render(&self, frame: u64, frames: usize, with_stems: bool) -> Block {
         let mut block = Block { mix: vec![0.0; frames * self.channels], stems: BTreeMap::new() };
         let (mut voice, mut window) = (vec![0.0; frames], Vec::new());
@@ -205,6 +105,117 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         }
         block
     }
+}
+
+/// Mixes the lines of a channel-space score, which come in time order.
+pub struct Mixer<L> {
+    lines: L,
+    next: Option<ChannelLine>,
+    names: BTreeMap<String, usize>,
+    voices: Voices,
+    objects: Vec<String>,
+    begun: Vec<Begun>,
+    last_arrival_s: f64,
+}
+
+impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
+    /// A mixer of `channels` channels at `rate_hz`, for the lines of a score and the sounds that its
+    /// `start` lines name.
+    ///
+    /// # Errors
+    /// The first line, where it cannot be read.
+    pub fn new(
+        rate_hz: u32,
+        channels: usize,
+        sounds: impl IntoIterator<Item = (String, Prototype)>,
+        lines: L,
+    ) -> Result<Self> {
+        let (mut names, mut prototypes) = (BTreeMap::new(), Vec::new());
+        for (name, prototype) in sounds {
+            names.insert(name, prototypes.len());
+            prototypes.push(prototype);
+        }
+        let mut mixer = Self {
+            lines,
+            next: None,
+            names,
+            voices: Voices { rate_hz: f64::from(rate_hz), channels, prototypes, threads: BTreeMap::new() },
+            objects: Vec::new(),
+            begun: Vec::new(),
+            last_arrival_s: 0.0,
+        };
+        mixer.next = mixer.lines.next().transpose()?;
+        Ok(mixer)
+    }
+
+    /// The objects whose threads have begun so far; stems are numbered by this list.
+    pub fn objects(&self) -> &[String] {
+        &self.objects
+    }
+
+    /// The threads that have begun since this was last asked, in the order of the score.
+    pub fn take_begun(&mut self) -> Vec<Begun> {
+        std::mem::take(&mut self.begun)
+    }
+
+    /// True where every line has been read; then the latest arrival is known.
+    pub fn is_read(&self) -> bool {
+        self.next.is_none()
+    }
+
+    /// The time at which the last thread read so far falls silent, in seconds.
+    pub fn last_arrival_s(&self) -> f64 {
+        self.last_arrival_s
+    }
+
+    /// The number of threads in memory.
+    pub fn threads(&self) -> usize {
+        self.voices.threads.len()
+    }
+
+    /// What is needed to render what has been read.
+    pub fn voices(&self) -> &Voices {
+        &self.voices
+    }
+
+    /// Reads on until all that arrives before `end_frame` is known.
+    ///
+    /// # Errors
+    /// A line that cannot be read, or one that does not fit those before it.
+    pub fn read_to(&mut self, end_frame: u64) -> Result<()> {
+        let end_s = end_frame as f64 / self.voices.rate_hz;
+        while self.next.as_ref().is_some_and(|line| line.time_s <= end_s + ONSET_S) {
+            self.read_line()?;
+        }
+        let mut open: Vec<u64> =
+            self.voices.threads.iter().filter(|(_, t)| t.known_s() < end_s).map(|(&id, _)| id).collect();
+        while !open.is_empty() && self.next.is_some() {
+            let id = self.read_line()?;
+            if self.voices.threads.get(&id).is_none_or(|t| t.known_s() >= end_s) {
+                open.retain(|&o| o != id);
+            }
+        }
+        if self.next.is_none() {
+            // A thread that the score leaves open sounds no longer than its last key.
+            let open: Vec<u64> =
+                self.voices.threads.iter().filter(|(_, t)| !t.ended).map(|(&id, _)| id).collect();
+            for id in open {
+                self.end(id, None);
+            }
+        }
+        Ok(())
+    }
+
+    /// Forgets what has arrived before `frame`.
+    pub fn release(&mut self, frame: u64) {
+        let time_s = frame as f64 / self.voices.rate_hz;
+        self.voices.threads.retain(|_, thread| {
+            for segments in &mut thread.segments {
+                segments.retain(|s| s.end_s > time_s);
+            }
+            !(thread.ended && thread.segments.iter().all(Vec::is_empty))
+        });
+    }
 
     /// Takes the next line in; gives its thread.
     fn read_line(&mut self) -> Result<u64> {
@@ -213,12 +224,12 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             return Err(Error::new("the score has no more lines"));
         };
         let id = line.thread;
-        if line.value.len() != self.channels {
+        if line.value.len() != self.voices.channels {
             return Err(Error::new(format!(
                 "thread {id} has {} pairs of gain and delay at {} s; there are {} channels",
                 line.value.len(),
                 line.time_s,
-                self.channels
+                self.voices.channels
             )));
         }
         match line.verb {
@@ -234,7 +245,8 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
     }
 
     fn thread(&mut self, id: u64) -> Result<&mut Thread> {
-        self.threads
+        self.voices
+            .threads
             .get_mut(&id)
             .filter(|t| !t.ended)
             .ok_or_else(|| Error::new(format!("thread {id} has not started, or has ended")))
@@ -244,16 +256,16 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         let Some(&prototype) = self.names.get(&start.sound) else {
             return Err(Error::new(format!("thread {id} plays an unknown sound `{}`", start.sound)));
         };
-        let sound = &self.prototypes[prototype];
+        let sound = &self.voices.prototypes[prototype];
         let playback = Playback { start_s: time_s, speed: start.speed, offset_s: start.offset_s };
-        let (fades_in, lead_s) = (playback.fades_in(sound), playback.lead_s(sound, self.rate_hz));
+        let (fades_in, lead_s) = (playback.fades_in(sound), playback.lead_s(sound, self.voices.rate_hz));
         let builders: Vec<_> =
             path_keys(time_s, value).map(|k| PathBuilder::new(k, fades_in, lead_s)).collect();
         let object = self.objects.iter().position(|o| *o == start.object).unwrap_or_else(|| {
             self.objects.push(start.object.clone());
             self.objects.len() - 1
         });
-        let segments = vec![Vec::new(); self.channels];
+        let segments = vec![Vec::new(); self.voices.channels];
         self.begun.push(Begun {
             thread: id,
             time_s,
@@ -262,7 +274,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             start,
         });
         let thread = Thread { prototype, playback, object, builders, segments, ended: false };
-        if self.threads.insert(id, thread).is_some() {
+        if self.voices.threads.insert(id, thread).is_some() {
             return Err(Error::new(format!("thread {id} starts twice")));
         }
         Ok(())
@@ -280,7 +292,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
 
     /// Ends a thread at a key, or at its last one.
     fn end(&mut self, id: u64, at: Option<(f64, &[Arrival])>) {
-        let Some(thread) = self.threads.get_mut(&id) else { return };
+        let Some(thread) = self.voices.threads.get_mut(&id) else { return };
         for (channel, (builder, segments)) in thread.builders.iter_mut().zip(&mut thread.segments).enumerate()
         {
             let key = match at {

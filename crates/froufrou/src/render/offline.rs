@@ -1,0 +1,138 @@
+//! From a mixer to files: pulls blocks on all cores and hands them on in order.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::score::ChannelLine;
+use crate::synth::mixer::{Begun, Block, Mixer, Voices};
+use crate::synth::voice::first_frame;
+use crate::{Error, Result};
+
+/// Frames that one core renders at a time.
+const BLOCK_FRAMES: usize = 1024;
+
+/// Blocks between two looks at the score. Memory grows with this, not with the soundtrack.
+const BLOCKS: usize = 64;
+
+/// What part of a soundtrack to render.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Extent {
+    /// Frames a second.
+    pub rate_hz: u32,
+    /// Where it begins, in seconds.
+    pub from_s: f64,
+    /// Where it ends, in seconds; `None`: with the score.
+    pub to_s: Option<f64>,
+    /// The length that the score gives itself, in seconds; `None`: until all has arrived.
+    pub duration_s: Option<f64>,
+}
+
+impl Extent {
+    /// The frames asked for; the end is open where only the score's last line tells it.
+    pub fn frames(&self) -> (u64, Option<u64>) {
+        let frame = |time_s: f64| first_frame(time_s, f64::from(self.rate_hz));
+        let end_s = match (self.to_s, self.duration_s) {
+            (Some(to_s), Some(duration_s)) => Some(to_s.min(duration_s)),
+            (to_s, duration_s) => to_s.or(duration_s),
+        };
+        (frame(self.from_s), end_s.map(frame))
+    }
+}
+
+/// A piece of a soundtrack, as it comes.
+pub struct Piece<'a> {
+    /// Its frames, counted from the soundtrack's beginning.
+    pub frames: Range<u64>,
+    /// Interleaved samples of the mix.
+    pub mix: &'a [f32],
+    /// Interleaved samples of each object that sounds in the piece, by its index in `objects`.
+    pub stems: &'a [(usize, Vec<f32>)],
+    /// The objects that have sounded so far.
+    pub objects: &'a [String],
+    /// The threads that have begun since the last piece.
+    pub begun: &'a [Begun],
+}
+
+/// Renders what a mixer reads, piece by piece, on the threads of the surrounding rayon pool. The
+/// samples do not depend on how many those are, nor on the extent.
+///
+/// # Errors
+/// A line of the score that cannot be read; whatever `each` returns.
+pub fn render<L>(
+    mixer: &mut Mixer<L>,
+    channels: usize,
+    extent: &Extent,
+    with_stems: bool,
+    mut each: impl FnMut(Piece<'_>) -> Result<()>,
+) -> Result<()>
+where
+    L: Iterator<Item = Result<ChannelLine>>,
+{
+    let rate_hz = f64::from(extent.rate_hz);
+    let (from, end) = extent.frames();
+    let mut at = 0;
+    loop {
+        let mut to = at + (BLOCKS * BLOCK_FRAMES) as u64;
+        if at < from {
+            // What comes before is read, for its threads may sound on, but not rendered.
+            to = to.min(from);
+        }
+        mixer.read_to(to)?;
+        let arrived = mixer.is_read().then(|| first_frame(mixer.last_arrival_s(), rate_hz));
+        let limit = match (end, arrived) {
+            (None, arrived) => arrived,
+            (end, _) => end,
+        };
+        to = limit.map_or(to, |limit| to.min(limit));
+        let begun = mixer.take_begun();
+        if to <= at || at < from {
+            each(Piece { frames: at..at, mix: &[], stems: &[], objects: mixer.objects(), begun: &begun })?;
+            if to <= at {
+                return Ok(());
+            }
+        } else {
+            let blocks = blocks(mixer.voices(), at..to, with_stems);
+            let mix: Vec<f32> = blocks.iter().flat_map(|b| interleave(&b.mix, channels)).collect();
+            let mut sounding: Vec<usize> = blocks.iter().flat_map(|b| b.stems.keys().copied()).collect();
+            sounding.sort_unstable();
+            sounding.dedup();
+            let silent = vec![0.0; BLOCK_FRAMES * channels];
+            let stem = |object: usize| -> Vec<f32> {
+                let part = |b: &Block| match b.stems.get(&object) {
+                    Some(samples) => interleave(samples, channels),
+                    None => interleave(&silent[..b.mix.len()], channels),
+                };
+                blocks.iter().flat_map(part).collect()
+            };
+            let stems: Vec<(usize, Vec<f32>)> =
+                sounding.into_iter().map(|object| (object, stem(object))).collect();
+            if let Some(index) = mix.iter().position(|sample| !sample.is_finite()) {
+                let time_s = (at + (index / channels) as u64) as f64 / rate_hz;
+                return Err(Error::new(format!("the mix is beyond all numbers at {time_s} s"))
+                    .help("a gain in the score is too large"));
+            }
+            each(Piece {
+                frames: at..to,
+                mix: &mix,
+                stems: &stems,
+                objects: mixer.objects(),
+                begun: &begun,
+            })?;
+        }
+        mixer.release(to);
+        at = to;
+    }
+}
+
+fn blocks(voices: &Voices, frames: Range<u64>, with_stems: bool) -> Vec<Block> {
+    let starts: Vec<u64> = frames.clone().step_by(BLOCK_FRAMES).collect();
+    let length = |start: u64| (frames.end - start).min(BLOCK_FRAMES as u64) as usize;
+    starts.into_par_iter().map(|start| voices.render(start, length(start), with_stems)).collect()
+}
+
+/// From channel after channel to frame after frame.
+fn interleave(planar: &[f64], channels: usize) -> Vec<f32> {
+    let frames = planar.len() / channels;
+    (0..planar.len()).map(|i| planar[(i % channels) * frames + i / channels] as f32).collect()
+}

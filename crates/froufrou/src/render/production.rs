@@ -1,0 +1,158 @@
+//! A scene made ready to sound, and the way from it to a soundtrack, stage by stage:
+//!
+//! ```text
+//! Production ─ object_lines ─► Composer ─► Propagation ─► Mixer ─► offline::render
+//!      score file ───────────────▲             ▲
+//! ```
+//!
+//! Each stage pulls from the one before, so that a scene of any length passes through in the memory
+//! of a moment; and a score written to a file and mixed later passes through the very same stages.
+
+use std::path::Path;
+
+use crate::scene::Scene;
+use crate::scene::contact_log::ContactLog;
+use crate::scene::file::Timing;
+use crate::scene::world::World;
+use crate::score::compose::{self, Composer, Events};
+use crate::score::ending::Ending;
+use crate::score::{
+    AnyReader, AnySpace, ChannelHeader, ChannelLine, ChannelSpace, ObjectHeader, ObjectLine, ObjectSpace,
+    Repeat,
+};
+use crate::space::propagation::{Propagation, channel_header};
+use crate::synth::prototypes;
+use crate::synth::voice::Prototype;
+use crate::{Error, Result};
+
+/// The sounds of a score, by name and ready to be played.
+pub type Prototypes = Vec<(String, Prototype)>;
+
+/// Lines of a score in channel space, in time order, as they are asked for.
+pub type ChannelLines<'a> = Box<dyn Iterator<Item = Result<ChannelLine>> + Send + 'a>;
+
+/// A scene with everything it needs opened.
+pub struct Production {
+    /// The scene.
+    pub scene: Scene,
+    /// Where everything is.
+    pub world: World,
+    /// The header of its score.
+    pub header: ObjectHeader,
+    /// What it plays.
+    pub prototypes: Prototypes,
+    /// When it is over for sounds that run through it, in seconds.
+    end_s: f64,
+}
+
+impl Production {
+    /// Opens a scene's animations and recordings.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or an object that is not in its animation.
+    pub fn open(scene: Scene) -> Result<Self> {
+        let world = World::open(&scene)?;
+        let header = compose::header(&scene, &world)?;
+        let prototypes = prototypes::load(&header.sounds, &scene.folder)?;
+        let end_s = end_s(&scene, &world)?;
+        Ok(Self { scene, world, header, prototypes, end_s })
+    }
+
+    /// What happens in it by itself: the impacts of its contact logs.
+    ///
+    /// # Errors
+    /// A log that cannot be read.
+    pub fn events(&self) -> Result<Events> {
+        Events::open(&self.scene)
+    }
+
+    /// The lines of its score in object space.
+    ///
+    /// # Errors
+    /// A log that cannot be read; a scene that does not say how long it is where it must.
+    pub fn object_lines(&self) -> Result<Composer<'_, Events>> {
+        Composer::new(
+            &self.scene,
+            &self.world,
+            &self.header,
+            lengths_s(&self.prototypes),
+            self.end_s,
+            self.events()?,
+        )
+    }
+
+    /// The lines of its score in channel space.
+    ///
+    /// # Errors
+    /// As [`Production::object_lines`].
+    pub fn channel_lines(&self) -> Result<ChannelLines<'_>> {
+        Ok(Box::new(Propagation::new(&self.header, self.object_lines()?)))
+    }
+
+    /// The header of its score in channel space.
+    pub fn channel_header(&self) -> ChannelHeader {
+        channel_header(&self.header)
+    }
+}
+
+/// When the sounds that run through a scene end: with its duration, or with the last that moves,
+/// starts or is logged.
+fn end_s(scene: &Scene, world: &World) -> Result<f64> {
+    if let Some(duration_s) = scene.duration_s {
+        return Ok(duration_s);
+    }
+    let mut end_s = world.end_s();
+    let mut endless = false;
+    for sound in &scene.sounds {
+        match &sound.timing {
+            Timing::Starts(keys) => keys.iter().for_each(|key| end_s = end_s.max(key.time_s)),
+            Timing::Span { to_s: Some(to_s), .. } => end_s = end_s.max(*to_s),
+            Timing::Span { to_s: None, .. } => endless |= sound.repeat != Repeat::Once,
+        }
+    }
+    if endless {
+        // Only then is the end of a log worth reading it through for.
+        for contacts in &scene.contacts {
+            for row in ContactLog::open(&contacts.log.path, &contacts.columns)? {
+                end_s = end_s.max(row?.time_s);
+            }
+        }
+    }
+    Ok(end_s)
+}
+
+/// How long each sound lasts at speed 1, in seconds.
+pub fn lengths_s(prototypes: &Prototypes) -> impl Iterator<Item = (String, f64)> + '_ {
+    prototypes.iter().map(|(name, prototype)| (name.clone(), prototype.duration_s()))
+}
+
+/// A score from a file, made ready to be mixed: its header in channel space, its sounds and its
+/// lines.
+///
+/// A score in `order time` is read as it is mixed; any other is sorted in memory first.
+///
+/// # Errors
+/// A score or recording that cannot be read.
+pub fn open_score(path: &Path) -> Result<(ChannelHeader, Prototypes, ChannelLines<'static>)> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let named = |fault: Error| fault.in_file(path);
+    match AnyReader::open(path)? {
+        AnySpace::Object(reader) => {
+            let header = reader.header().clone();
+            let prototypes = prototypes::load(&header.sounds, folder)?;
+            let lengths = lengths_s(&prototypes).collect::<Vec<_>>();
+            let lines = Ending::<ObjectSpace, _>::new(reader.by_time()?, lengths, header.duration_s);
+            let path = path.to_owned();
+            let lines = lines.map(move |line: Result<ObjectLine>| line.map_err(|fault| fault.in_file(&path)));
+            let lines = Propagation::new(&header, lines);
+            Ok((channel_header(&header), prototypes, Box::new(lines)))
+        }
+        AnySpace::Channel(reader) => {
+            let header = reader.header().clone();
+            let prototypes = prototypes::load(&header.sounds, folder).map_err(named)?;
+            let lengths = lengths_s(&prototypes).collect::<Vec<_>>();
+            let lines = Ending::<ChannelSpace, _>::new(reader.by_time()?, lengths, header.duration_s);
+            Ok((header, prototypes, Box::new(lines)))
+        }
+    }
+}

@@ -1,0 +1,243 @@
+//! The files of a soundtrack: the mix, its stems, and what was measured on the way.
+
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Read, Seek, Write};
+use std::path::{Path, PathBuf};
+
+use super::meter::{Meter, Report};
+use super::offline::{self, Extent, Piece};
+use super::wav::{SampleFormat, WavFormat, WavWriter};
+use crate::score::ChannelLine;
+use crate::synth::mixer::{Begun, Mixer};
+use crate::{Error, Result};
+
+/// What files to write, and how.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Output {
+    /// The mix.
+    pub path: PathBuf,
+    /// The folder for a file an object, if stems are wanted; it is made if need be.
+    pub stems: Option<PathBuf>,
+    /// How samples are stored.
+    pub samples: SampleFormat,
+    /// The seed of the dither.
+    pub seed: u64,
+    /// Gain of everything, in decibels.
+    pub gain_db: f64,
+    /// The true peak that the mix is brought to, in dBTP, on top of `gain_db`.
+    pub normalize_dbtp: Option<f64>,
+}
+
+/// What was written.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Summary {
+    /// What the mix measures.
+    pub report: Report,
+    /// The gain that was applied, in decibels.
+    pub gain_db: f64,
+    /// The stems: the object's name and its file.
+    pub stems: Vec<(String, PathBuf)>,
+    /// Threads that begun.
+    pub threads: u64,
+    /// Samples that were too loud for the file's format and were clamped.
+    pub clipped: u64,
+}
+
+/// Renders a soundtrack to files. Nothing is seen under their names before all is done.
+///
+/// `progress` is told the frames done so far; `log` every thread as it begins, in order.
+///
+/// # Errors
+/// A line of the score that cannot be read; a file that cannot be written; whatever `log` returns.
+pub fn write<L: Iterator<Item = Result<ChannelLine>>>(
+    mixer: &mut Mixer<L>,
+    channels: usize,
+    extent: &Extent,
+    output: &Output,
+    progress: &mut dyn FnMut(u64),
+    log: &mut dyn FnMut(&Begun) -> Result<()>,
+) -> Result<Summary> {
+    let (first_frame, _) = extent.frames();
+    let format = WavFormat {
+        rate_hz: extent.rate_hz,
+        channels,
+        samples: output.samples,
+        seed: output.seed,
+        first_frame,
+    };
+    let gain = 10f64.powf(output.gain_db / 20.0) as f32;
+    let mut meter = Meter::new(extent.rate_hz, channels)?;
+    let mut mix = Track::create(&output.path, format, output)?;
+    let mut stems = Stems { output, format, tracks: Vec::new(), names: BTreeSet::new() };
+    if let Some(folder) = &output.stems {
+        std::fs::create_dir_all(folder).map_err(|fault| Error::io("make the folder", folder, fault))?;
+    }
+    let mut threads = 0;
+    let mut scaled = Vec::new();
+    offline::render(mixer, channels, extent, output.stems.is_some(), |piece: Piece<'_>| {
+        for begun in piece.begun {
+            threads += 1;
+            log(begun)?;
+        }
+        amplify(&mut scaled, piece.mix, gain);
+        meter.add(&scaled)?;
+        mix.write(&scaled)?;
+        stems.write(&piece, gain, &mut scaled)?;
+        progress(piece.frames.end.saturating_sub(first_frame));
+        Ok(())
+    })?;
+    let mut report = meter.finish();
+    let mut gain_db = output.gain_db;
+    let mut gain = 1.0;
+    if let (Some(target), Some(peak)) = (output.normalize_dbtp, report.true_peak_dbtp) {
+        gain_db += target - peak;
+        gain = 10f64.powf((target - peak) / 20.0) as f32;
+        // What is in the file is measured, not what it was made from.
+        let mut meter = Meter::new(extent.rate_hz, channels)?;
+        mix.replay(gain, |samples| meter.add(samples))?;
+        report = meter.finish();
+    }
+    let clipped = mix.finish(gain)?;
+    let mut files = Vec::new();
+    for (name, path, track) in stems.tracks {
+        track.finish(gain)?;
+        files.push((name, path));
+    }
+    Ok(Summary { report, gain_db, stems: files, threads, clipped })
+}
+
+fn amplify(to: &mut Vec<f32>, from: &[f32], gain: f32) {
+    to.clear();
+    to.extend(from.iter().map(|sample| sample * gain));
+}
+
+/// One file on its way: written at once, or, where the gain is known only at the end, kept beside.
+struct Track {
+    writer: WavWriter,
+    spool: Option<Spool>,
+}
+
+impl Track {
+    fn create(path: &Path, format: WavFormat, output: &Output) -> Result<Self> {
+        let writer = WavWriter::create(path, format)?;
+        let spool = output.normalize_dbtp.map(|_| Spool::beside(path)).transpose()?;
+        Ok(Self { writer, spool })
+    }
+
+    fn write(&mut self, samples: &[f32]) -> Result<()> {
+        match &mut self.spool {
+            Some(spool) => spool.write(samples),
+            None => self.writer.write(samples),
+        }
+    }
+
+    /// Passes through what was kept, with a gain.
+    fn replay(&mut self, gain: f32, each: impl FnMut(&[f32]) -> Result<()>) -> Result<()> {
+        self.spool.as_mut().map_or(Ok(()), |spool| spool.read(gain, each))
+    }
+
+    /// Gives the number of samples that were clamped.
+    fn finish(mut self, gain: f32) -> Result<u64> {
+        if let Some(mut spool) = self.spool.take() {
+            spool.read(gain, |samples| self.writer.write(samples))?;
+        }
+        Ok(self.writer.finish()?.clipped)
+    }
+}
+
+/// Samples kept in a nameless file.
+struct Spool {
+    file: File,
+    path: PathBuf,
+    samples: u64,
+}
+
+/// Samples that a spool reads at a time.
+const SPOOL_SAMPLES: usize = 1 << 16;
+
+impl Spool {
+    /// In the folder of the file it is for, which has the room.
+    fn beside(path: &Path) -> Result<Self> {
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let file = tempfile::tempfile_in(folder).map_err(|fault| Error::io("write beside", path, fault))?;
+        Ok(Self { file, path: path.to_owned(), samples: 0 })
+    }
+
+    fn write(&mut self, samples: &[f32]) -> Result<()> {
+        let mut file = BufWriter::new(&self.file);
+        let written = samples.iter().try_for_each(|sample| file.write_all(&sample.to_le_bytes()));
+        written.and_then(|()| file.flush()).map_err(|fault| Error::io("write beside", &self.path, fault))?;
+        self.samples += samples.len() as u64;
+        Ok(())
+    }
+
+    fn read(&mut self, gain: f32, mut each: impl FnMut(&[f32]) -> Result<()>) -> Result<()> {
+        let fail = |fault| Error::io("read back what was kept beside", &self.path, fault);
+        self.file.rewind().map_err(fail)?;
+        let mut file = BufReader::new(&self.file);
+        let mut left = self.samples;
+        while left > 0 {
+            let count = left.min(SPOOL_SAMPLES as u64) as usize;
+            let mut bytes = vec![0; 4 * count];
+            file.read_exact(&mut bytes).map_err(fail)?;
+            let samples = bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]) * gain);
+            each(&samples.collect::<Vec<f32>>())?;
+            left -= count as u64;
+        }
+        Ok(())
+    }
+}
+
+/// A file an object.
+struct Stems<'a> {
+    output: &'a Output,
+    format: WavFormat,
+    /// The object's name and its file, by the object's index; those that have sounded.
+    tracks: Vec<(String, PathBuf, Track)>,
+    names: BTreeSet<String>,
+}
+
+impl Stems<'_> {
+    fn write(&mut self, piece: &Piece<'_>, gain: f32, scaled: &mut Vec<f32>) -> Result<()> {
+        let Some(folder) = &self.output.stems else { return Ok(()) };
+        while self.tracks.len() < piece.objects.len() {
+            let object = &piece.objects[self.tracks.len()];
+            let path = folder.join(self.file_name(object));
+            let mut track = Track::create(&path, self.format, self.output)?;
+            // Before an object first sounds its stem is silent.
+            let silence = vec![0.0; SPOOL_SAMPLES / self.format.channels * self.format.channels];
+            let frames = piece.frames.start.saturating_sub(self.format.first_frame);
+            let mut left = frames as usize * self.format.channels;
+            while left > 0 {
+                let count = left.min(silence.len());
+                track.write(&silence[..count])?;
+                left -= count;
+            }
+            self.tracks.push((object.clone(), path, track));
+        }
+        for (index, (_, _, track)) in self.tracks.iter_mut().enumerate() {
+            match piece.stems.iter().find(|(object, _)| *object == index) {
+                Some((_, samples)) => amplify(scaled, samples, gain),
+                None => amplify(scaled, &vec![0.0; piece.mix.len()], gain),
+            }
+            track.write(scaled)?;
+        }
+        Ok(())
+    }
+
+    /// A name that any file system takes, unlike those before.
+    fn file_name(&mut self, object: &str) -> String {
+        let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+        let base: String = object.trim_matches('/').chars().map(plain).take(100).collect();
+        let base = if base.trim_matches('.').is_empty() { "other".to_owned() } else { base };
+        let mut name = format!("{base}.wav");
+        let mut number = 2;
+        // Some file systems do not tell capitals apart.
+        while !self.names.insert(name.to_lowercase()) {
+            name = format!("{base}-{number}.wav");
+            number += 1;
+        }
+        name
+    }
+}
