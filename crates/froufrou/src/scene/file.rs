@@ -11,6 +11,7 @@ use crate::{Error, Place, Result};
 
 use super::asset::{Asset, Folder, NamePattern};
 use super::contact_log::ContactColumns;
+use super::listener::{Layout, Listener};
 use super::read;
 use super::track::Track;
 
@@ -37,7 +38,9 @@ pub struct Scene {
     pub speed_of_sound_mps: f64,
     /// How often hand-set tracks are sampled, in hertz.
     pub frame_rate_hz: f64,
-    /// Who listens: one output channel each, in order; at least one.
+    /// Who listens, if that is a listener and not microphones of their own.
+    pub listener: Option<Listener>,
+    /// Its microphones, or those of the scene: one output channel each, in order; at least one.
     pub microphones: Vec<Microphone>,
     /// What things are made of.
     pub materials: Vec<Material>,
@@ -234,6 +237,21 @@ impl Scene {
             Error::new("not UTF-8 text").in_file(path).at(Place::Byte(offset)).because(fault)
         })?;
         Self::parse(&text, path, allow_outside)
+    }
+
+    /// Gives the listener another layout than the scene does.
+    ///
+    /// # Errors
+    /// A scene with microphones of its own.
+    pub fn set_layout(&mut self, layout: Layout) -> Result<()> {
+        let Some(listener) = &mut self.listener else {
+            return Err(Error::new("the scene has microphones of its own, and a layout is for a listener")
+                .in_file(&self.file)
+                .help("leave the layout out, or give the scene a `[listener]` instead"));
+        };
+        listener.layout = layout;
+        self.microphones = listener.microphones();
+        Ok(())
     }
 
     /// Reads a scene from text, as if it stood in `file`: messages name that file and paths start

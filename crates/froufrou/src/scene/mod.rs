@@ -5,6 +5,7 @@ pub mod animation;
 pub mod asset;
 pub mod contact_log;
 pub mod file;
+pub mod listener;
 mod positioned_file;
 mod read;
 mod toml;

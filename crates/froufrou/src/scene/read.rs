@@ -12,6 +12,7 @@ use super::file::{
     Contacts, Emitter, ImpactSound, Material, Microphone, Motion, Object, Point, Scene, SceneSound, Source,
     StartKey, Timing,
 };
+use super::listener::{CARDIOID, Layout, Listener, OMNI};
 use super::toml::{Document, Node, Table, nearest};
 use super::track::{Interpolation, Track, TrackKey};
 
@@ -140,6 +141,7 @@ pub(super) fn scene(text: &str, file: &Path, folder_path: &Path, folder: &Folder
         top.get(key).map_or(Ok(default), |node| node.positive("a number"))
     };
     let rate = top.get("rate").map_or(Ok(48_000), |n| n.whole("samples a second", RATE_HZ.0, RATE_HZ.1))?;
+    let listener = listener(&top, folder)?;
     let mut scene = Scene {
         file: file.to_owned(),
         folder: folder_path.to_owned(),
@@ -152,7 +154,11 @@ pub(super) fn scene(text: &str, file: &Path, folder_path: &Path, folder: &Folder
         frame_rate_hz: top
             .get("frame_rate")
             .map_or(Ok(60.0), |n| n.within("frames a second", 1.0, 10_000.0))?,
-        microphones: microphones(&top, folder)?,
+        microphones: match &listener {
+            Some(listener) => listener.microphones(),
+            None => microphones(&top, folder)?,
+        },
+        listener,
         materials: Vec::new(),
         objects: Vec::new(),
         sounds: Vec::new(),
@@ -208,17 +214,39 @@ fn with_place<T>(node: &Node<'_, '_>, result: Result<T>) -> Result<T> {
     result.map_err(|fault| node.error(fault.to_string()).because(fault))
 }
 
-fn microphones(top: &Table<'_, '_>, folder: &Folder) -> Result<Vec<Microphone>> {
+/// Who listens: a listener, or else microphones.
+fn listener(top: &Table<'_, '_>, folder: &Folder) -> Result<Option<Listener>> {
     top.at_most_one(&["listener", "microphone"])?;
+    if top.get("microphone").is_some() {
+        return Ok(None);
+    }
+    let Some(table) = top.get("listener").map(|node| node.table(LISTENER)).transpose()? else {
+        return Ok(Some(Listener {
+            motion: Motion::Track(still([0.0; 3], AHEAD)),
+            local_offset_m: [0.0; 3],
+            local_facing: AHEAD,
+            layout: Layout::default(),
+            spacing_m: 0.0,
+        }));
+    };
+    let (motion, local_facing) = carrier(&table, folder)?;
+    let local_offset_m = offset(&table)?;
+    let names = Layout::ALL.map(Layout::name);
+    let layout = table.get("layout").map(|node| node.choice(&names)).transpose()?;
+    let layout = layout.map_or(Layout::default(), |index| Layout::ALL[index]);
+    let spacing_m = table.get("spacing").map_or(Ok(0.0), |node| match layout {
+        Layout::Mono => Err(node.error("a mono listener has no `spacing`")),
+        Layout::Stereo => node.not_negative("a number of metres"),
+    })?;
+    Ok(Some(Listener { motion, local_offset_m, local_facing, layout, spacing_m }))
+}
+
+fn microphones(top: &Table<'_, '_>, folder: &Folder) -> Result<Vec<Microphone>> {
     let nodes = list(top, "microphone")?;
     if let Some(node) = top.get("microphone")
         && nodes.is_empty()
     {
         return Err(node.error("expected at least one microphone"));
-    }
-    if nodes.is_empty() {
-        let listener = top.get("listener").map(|node| node.table(LISTENER)).transpose()?;
-        return listeners_ears(listener.as_ref(), folder);
     }
     let mut microphones: Vec<Microphone> = Vec::new();
     if let Some(node) = nodes.get(MOST_MICROPHONES) {
@@ -243,9 +271,6 @@ fn microphones(top: &Table<'_, '_>, folder: &Folder) -> Result<Vec<Microphone>> 
     Ok(microphones)
 }
 
-const OMNI: MicrophoneShape = MicrophoneShape { c: 0.0, k: 0.0 };
-const CARDIOID: MicrophoneShape = MicrophoneShape { c: 0.0, k: 1.0 };
-
 fn shape(node: &Node<'_, '_>) -> Result<MicrophoneShape> {
     if node.is_text() {
         return Ok([OMNI, CARDIOID][node.choice(&["omni", "cardioid"])?]);
@@ -257,48 +282,6 @@ fn shape(node: &Node<'_, '_>) -> Result<MicrophoneShape> {
     // A lobe of k = 1000 is 6° wide; beyond it powers run out of their range.
     let part = |key: &str| table.get(key).map_or(Ok(0.0), |n| n.within("a number", 0.0, 1000.0));
     Ok(MicrophoneShape { c: part("c")?, k: part("k")? })
-}
-
-/// One or two microphones at a listener's head.
-fn listeners_ears(table: Option<&Table<'_, '_>>, folder: &Folder) -> Result<Vec<Microphone>> {
-    let Some(table) = table else {
-        let still = Motion::Track(still([0.0; 3], AHEAD));
-        return Ok(ears(&still, AHEAD, [0.0; 3], 0.0).to_vec());
-    };
-    let (motion, facing) = carrier(table, folder)?;
-    let head = offset(table)?;
-    let layout = table.get("layout").map_or(Ok(1), |node| node.choice(&["mono", "stereo"]))?;
-    let spacing = table.get("spacing");
-    if layout == 0 {
-        if let Some(node) = spacing {
-            return Err(node.error("a mono listener has no `spacing`"));
-        }
-        let name = "mono".to_owned();
-        return Ok(vec![Microphone {
-            name,
-            shape: OMNI,
-            motion,
-            local_offset_m: head,
-            local_facing: facing,
-        }]);
-    }
-    let spacing_m = spacing.map_or(Ok(0.0), |node| node.not_negative("a number of metres"))?;
-    Ok(ears(&motion, facing, head, spacing_m).to_vec())
-}
-
-/// Two microphones that face away from each other, whose sum is heard from all around (Takala &
-/// Hahn 1992, §5.3).
-fn ears(motion: &Motion, facing: [f64; 3], head: [f64; 3], spacing_m: f64) -> [Microphone; 2] {
-    // The ears' axis in the carrier's frame: right = facing × up.
-    let frame = super::track::facing_frame([0.0; 3], facing);
-    let right = [frame[0][0], frame[1][0], frame[2][0]];
-    [("left", -1.0), ("right", 1.0)].map(|(name, side)| Microphone {
-        name: name.to_owned(),
-        shape: CARDIOID,
-        motion: motion.clone(),
-        local_offset_m: std::array::from_fn(|n| head[n] + right[n] * side * spacing_m / 2.0),
-        local_facing: right.map(|c| c * side),
-    })
 }
 
 fn offset(table: &Table<'_, '_>) -> Result<[f64; 3]> {

@@ -147,7 +147,7 @@ impl Carrier {
         Some(next - self.origin_s).filter(|&next_s| next_s > time_s)
     }
 
-    /// True where it is suddenly elsewhere at a key, not on its way.
+    /// True where it is suddenly elsewhere at a time, not on its way there from `before_s`.
     ///
     /// A track in steps says so. An animation does not: there a jump is a frame in which the object
     /// is more than eight times as fast as in the frames before and after, and faster than 20 m/s.
@@ -155,6 +155,9 @@ impl Carrier {
     /// # Errors
     /// A sample that cannot be read.
     pub fn jumps_at(&self, time_s: f64, before_s: f64) -> Result<bool> {
+        if self.next_key_s(before_s).is_none_or(|key_s| key_s > time_s) {
+            return Ok(false);
+        }
         match &self.way {
             Way::Track(track) => Ok(track.interpolation == Interpolation::Step),
             Way::Animated { .. } => {

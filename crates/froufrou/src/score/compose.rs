@@ -337,8 +337,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             let value = Placement { position_m, gain };
             ObjectLine::Thread(Statement { thread: id, time_s, verb, value })
         };
-        let jumps = voice.carrier.next_key_s(before_s).is_some_and(|key_s| key_s <= time_s)
-            && voice.carrier.jumps_at(time_s, before_s)?;
+        let jumps = voice.carrier.jumps_at(time_s, before_s)?;
         let ends = time_s >= voice.end_s;
         if ends && jumps {
             self.ready.push_back(line(Verb::End, voice.carrier.position_m(before_s)?));
