@@ -1,1 +1,56 @@
-fn main() {}
+//! The `froufrou` command: animations in, soundtracks out.
+
+mod demo;
+mod events;
+mod files;
+mod mix;
+mod progress;
+mod render;
+mod score;
+mod soundtrack;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// A sound engine that turns motion into sound.
+#[derive(Parser)]
+#[command(
+    name = "froufrou",
+    version,
+    arg_required_else_help = true,
+    after_help = "\
+Example:
+  froufrou demo                             see and hear what it does
+  froufrou render scene.toml -o out.wav     give an animation its soundtrack"
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Demo(demo::Demo),
+    Render(render::Render),
+    Events(events::Events),
+    Score(score::Score),
+    Mix(mix::Mix),
+}
+
+fn main() -> ExitCode {
+    let result = match Cli::parse().command {
+        Command::Demo(command) => command.run(),
+        Command::Render(command) => command.run(),
+        Command::Events(command) => command.run(),
+        Command::Score(command) => command.run(),
+        Command::Mix(command) => command.run(),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("froufrou: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! `froufrou events`: what happens in a scene.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use froufrou::motion::event;
+use froufrou::score::compose;
+use froufrou::{Error, Result};
+
+use crate::files;
+use crate::render::SceneOptions;
+
+/// Find what happens in a scene: impacts, one JSON object a line
+#[derive(Args)]
+#[command(after_help = "\
+Example:
+  froufrou events scene.toml -o events.jsonl")]
+pub struct Events {
+    #[command(flatten)]
+    scene: SceneOptions,
+
+    /// The file to write; `-` is standard output
+    #[arg(short, long, value_name = "EVENTS.jsonl", default_value = "-")]
+    output: PathBuf,
+}
+
+impl Events {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let scene = self.scene.open()?;
+        let mut output = files::Output::create(&self.output)?;
+        for event in compose::Events::open(&scene)? {
+            event::write(&mut output, &event?).map_err(|fault| Error::io("write", &self.output, fault))?;
+        }
+        output.finish()
+    }
+}

@@ -1,0 +1,41 @@
+//! `froufrou mix`: from a score to its soundtrack.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use froufrou::Result;
+use froufrou::render::production::open_score;
+
+use crate::soundtrack;
+
+/// Rate of a soundtrack from a score, which has none of its own.
+const RATE_HZ: u32 = 48_000;
+
+/// Mix a score, in object or channel space, to its soundtrack
+#[derive(Args)]
+#[command(after_help = "\
+Example:
+  froufrou score scene.toml -o out.score
+  froufrou mix out.score -o out.wav")]
+pub struct Mix {
+    /// The score
+    #[arg(value_name = "FILE.score")]
+    path: PathBuf,
+
+    /// What the dither of 16-bit files follows from
+    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
+    seed: u64,
+
+    #[command(flatten)]
+    soundtrack: soundtrack::Options,
+}
+
+impl Mix {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let (header, prototypes, lines) = open_score(&self.path)?;
+        let rate_hz = self.soundtrack.rate.unwrap_or(RATE_HZ);
+        soundtrack::write(&self.soundtrack, rate_hz, self.seed, &header, prototypes, lines)?;
+        Ok(())
+    }
+}

@@ -1,0 +1,80 @@
+//! `froufrou render`: from a scene to its soundtrack.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use froufrou::Result;
+use froufrou::render::production::Production;
+use froufrou::scene::Scene;
+use froufrou::scene::listener::Layout;
+
+use crate::soundtrack;
+
+/// Render a scene to its soundtrack
+#[derive(Args)]
+#[command(after_help = "\
+Example:
+  froufrou render scene.toml -o out.wav --stems stems --log out.jsonl")]
+pub struct Render {
+    #[command(flatten)]
+    scene: SceneOptions,
+
+    #[command(flatten)]
+    soundtrack: soundtrack::Options,
+}
+
+/// What every command takes that reads a scene.
+#[derive(Args)]
+pub struct SceneOptions {
+    /// The scene
+    #[arg(value_name = "SCENE.toml")]
+    pub path: PathBuf,
+
+    /// What all random choices follow from, instead of the scene's seed
+    #[arg(long, value_name = "NUMBER")]
+    pub seed: Option<u64>,
+
+    /// How the listener hears, instead of the scene's layout: mono or stereo
+    #[arg(long, value_name = "LAYOUT", value_parser = layout)]
+    pub layout: Option<Layout>,
+
+    /// Let the scene use files outside its folder
+    #[arg(long)]
+    pub allow_outside: bool,
+}
+
+fn layout(text: &str) -> Result<Layout, String> {
+    text.parse().map_err(|error: froufrou::Error| error.to_string())
+}
+
+impl SceneOptions {
+    /// Reads the scene as asked for.
+    pub fn open(&self) -> Result<Scene> {
+        let mut scene = Scene::open(&self.path, self.allow_outside)?;
+        if let Some(seed) = self.seed {
+            scene.seed = seed;
+        }
+        if let Some(layout) = self.layout {
+            scene.set_layout(layout)?;
+        }
+        Ok(scene)
+    }
+}
+
+impl Render {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let scene = self.scene.open()?;
+        let production = Production::open(scene)?;
+        let rate_hz = self.soundtrack.rate.unwrap_or(production.scene.rate_hz);
+        soundtrack::write(
+            &self.soundtrack,
+            rate_hz,
+            production.scene.seed,
+            &production.channel_header(),
+            production.prototypes.clone(),
+            production.channel_lines()?,
+        )?;
+        Ok(())
+    }
+}

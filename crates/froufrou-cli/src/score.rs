@@ -1,0 +1,138 @@
+//! `froufrou score`: from a scene to its score, or from one form of a score to another.
+
+use std::io::Write;
+use std::path::{Component, Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use froufrou::render::production::Production;
+use froufrou::score::{AnyDocument, ChannelWriter, Header, ObjectWriter, Order};
+use froufrou::{Error, Result};
+
+use crate::files;
+use crate::render::SceneOptions;
+
+/// Write the score of a scene, to be read, edited and mixed; or sort one that there is
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  froufrou score scene.toml -o out.score                   threads on moving points
+  froufrou score scene.toml --space channel -o out.score   gains and delays per channel
+  froufrou score out.score --sort thread -o sorted.score")]
+pub struct Score {
+    #[command(flatten)]
+    scene: SceneOptions,
+
+    /// The score to write; `-` is standard output
+    #[arg(short, long, value_name = "OUT.score", default_value = "-")]
+    output: PathBuf,
+
+    /// The space of the score
+    #[arg(long, value_enum)]
+    space: Option<SpaceName>,
+
+    /// How its lines are sorted; by thread needs memory for all of them
+    #[arg(long, value_enum)]
+    sort: Option<Sort>,
+}
+
+/// The space of a score.
+#[derive(Clone, Copy, ValueEnum)]
+enum SpaceName {
+    /// Threads on moving points
+    Object,
+    /// Gains and delays per channel
+    Channel,
+}
+
+/// The order of a score.
+#[derive(Clone, Copy, ValueEnum)]
+enum Sort {
+    /// By time, then thread
+    Time,
+    /// By thread, then time
+    Thread,
+}
+
+impl Score {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        if self.scene.path.extension().is_some_and(|e| e == "score") {
+            return self.sort_score();
+        }
+        let production = Production::open(self.scene.open()?)?;
+        let folder = &production.scene.folder;
+        let mut text = files::Output::create(&self.output)?;
+        match self.space.unwrap_or(SpaceName::Object) {
+            SpaceName::Object => {
+                let header = relocated(&production.header, folder, &self.output);
+                let mut writer = ObjectWriter::new(&mut text, &header)?;
+                for line in production.object_lines()? {
+                    writer.write(&line?)?;
+                }
+                writer.finish()?;
+            }
+            SpaceName::Channel => {
+                let header = relocated(&production.channel_header(), folder, &self.output);
+                let mut writer = ChannelWriter::new(&mut text, &header)?;
+                for line in production.channel_lines()? {
+                    writer.write(&line?)?;
+                }
+                writer.finish()?;
+            }
+        }
+        text.finish()?;
+        match self.sort {
+            Some(Sort::Thread) if self.output == Path::new("-") => {
+                Err(Error::new("a score on standard output is in order of time")
+                    .help("give `-o FILE` to have it sorted by thread"))
+            }
+            Some(Sort::Thread) => self.sorted(&self.output),
+            _ => Ok(()),
+        }
+    }
+
+    /// Rewrites a score in another order.
+    fn sort_score(&self) -> Result<()> {
+        if self.space.is_some() || self.scene.seed.is_some() || self.scene.layout.is_some() {
+            return Err(Error::new("`--space`, `--seed` and `--layout` are for scenes")
+                .in_file(&self.scene.path)
+                .help("a score can be given another order with `--sort`"));
+        }
+        self.sorted(&self.scene.path)
+    }
+
+    fn sorted(&self, path: &Path) -> Result<()> {
+        let mut document = AnyDocument::open(path)?;
+        document.sort(match self.sort {
+            Some(Sort::Thread) => Order::Thread,
+            Some(Sort::Time) | None => Order::Time,
+        });
+        let text = document.to_text()?;
+        let mut output = files::Output::create(&self.output)?;
+        output.write_all(text.as_bytes()).map_err(|fault| Error::io("write", &self.output, fault))?;
+        output.finish()
+    }
+}
+
+/// A header whose recordings are named from the folder of the score instead of that of the scene.
+fn relocated<R: Clone>(header: &Header<R>, folder: &Path, output: &Path) -> Header<R> {
+    let from = output.parent().unwrap_or(Path::new(""));
+    let mut header = header.clone();
+    for sound in &mut header.sounds {
+        sound.recording = relative(&folder.join(&sound.recording), from);
+    }
+    header
+}
+
+/// A path as it is called from a folder.
+fn relative(path: &Path, folder: &Path) -> String {
+    let absolute = |p: &Path| {
+        let p = if p.as_os_str().is_empty() { Path::new(".") } else { p };
+        p.canonicalize().unwrap_or_else(|_| p.to_owned())
+    };
+    let (path, folder) = (absolute(path), absolute(folder));
+    let shared = path.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
+    let up = folder.components().skip(shared).map(|_| Component::ParentDir);
+    let relative: PathBuf = up.chain(path.components().skip(shared)).collect();
+    relative.components().map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
+}

@@ -1,0 +1,201 @@
+//! What `render` and `mix` share: from lines in channel space to the files of a soundtrack.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+use froufrou::render::offline::Extent;
+use froufrou::render::production::Prototypes;
+use froufrou::render::soundtrack::{self, Output, Summary};
+use froufrou::render::wav::SampleFormat;
+use froufrou::score::{ChannelHeader, ChannelLine};
+use froufrou::synth::mixer::{Begun, Mixer};
+use froufrou::{Error, Result};
+use serde_json::json;
+
+use crate::files;
+use crate::progress::Progress;
+
+/// Where the soundtrack goes and how.
+#[derive(Args, Clone)]
+pub struct Options {
+    /// The soundtrack to write
+    #[arg(short, long, value_name = "OUT.wav")]
+    pub output: PathBuf,
+
+    /// Sample rate in hertz, 8000 to 192000
+    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(8_000..=192_000))]
+    pub rate: Option<u32>,
+
+    /// Render from this time on, in seconds: exactly that part of the whole
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "0")]
+    pub from: f64,
+
+    /// Render up to this time, in seconds
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub to: Option<f64>,
+
+    /// A folder for a soundtrack of each object
+    #[arg(long, value_name = "DIR")]
+    pub stems: Option<PathBuf>,
+
+    /// Sample format: 16 (dithered), 24 or 32f bits
+    #[arg(long, value_name = "BITS", default_value = "24", value_parser = sample_format)]
+    pub format: SampleFormat,
+
+    /// Gain of everything in decibels
+    #[arg(long, value_name = "DB", value_parser = decibels, default_value = "0", allow_negative_numbers = true)]
+    pub gain: f64,
+
+    /// Bring the true peak of the mix to this level, -1 dBTP if none is given; stems follow
+    #[arg(long, value_name = "DBTP", value_parser = decibels, num_args = 0..=1, default_missing_value = "-1",
+          allow_negative_numbers = true, require_equals = true)]
+    pub normalize: Option<f64>,
+
+    /// A log of every sound: when, what, where and why, one JSON object a line
+    #[arg(long, value_name = "LOG.jsonl")]
+    pub log: Option<PathBuf>,
+
+    /// Threads to use; the sound does not depend on it [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+
+    /// Report as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+fn finite(text: &str, what: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() => Ok(number),
+        _ => Err(format!("expected {what}")),
+    }
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match finite(text, "a number of seconds")? {
+        number if number >= 0.0 => Ok(number),
+        _ => Err("expected a number of seconds from 0 on".into()),
+    }
+}
+
+fn decibels(text: &str) -> Result<f64, String> {
+    match finite(text, "a number of decibels")? {
+        number if number.abs() <= 200.0 => Ok(number),
+        _ => Err("expected a number of decibels from -200 to 200".into()),
+    }
+}
+
+fn sample_format(text: &str) -> Result<SampleFormat, String> {
+    text.parse().map_err(|error: Error| error.to_string())
+}
+
+/// Renders lines to files, with a progress bar and a report.
+pub fn write<L>(
+    options: &Options,
+    rate_hz: u32,
+    seed: u64,
+    header: &ChannelHeader,
+    prototypes: Prototypes,
+    lines: L,
+) -> Result<Summary>
+where
+    L: Iterator<Item = Result<ChannelLine>> + Send,
+{
+    if options.to.is_some_and(|to| to <= options.from) {
+        return Err(Error::new(format!(
+            "nothing lies between {} s and {} s",
+            options.from,
+            options.to.unwrap_or_default()
+        ))
+        .help("`--to` must be later than `--from`"));
+    }
+    let channels = header.receivers.len();
+    let extent = Extent { rate_hz, from_s: options.from, to_s: options.to, duration_s: header.duration_s };
+    let output = Output {
+        path: options.output.clone(),
+        stems: options.stems.clone(),
+        samples: options.format,
+        seed,
+        gain_db: options.gain,
+        normalize_dbtp: options.normalize,
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads.map_or(0, usize::from)).build();
+    let pool = pool.map_err(|fault| Error::new("cannot start threads").because(fault))?;
+    let recordings: Vec<(String, String)> =
+        header.sounds.iter().map(|s| (s.name.clone(), s.recording.clone())).collect();
+    let mut log = options.log.as_deref().map(files::Output::create).transpose()?;
+    let mut mixer = Mixer::new(rate_hz, channels, prototypes, lines)?;
+    let (first, end) = extent.frames();
+    let progress = Progress::new(rate_hz, end.map(|end| end.saturating_sub(first)));
+    let summary = pool.install(|| {
+        soundtrack::write(
+            &mut mixer,
+            channels,
+            &extent,
+            &output,
+            &mut |frames| progress.at(frames),
+            &mut |begun| match &mut log {
+                Some(log) => log_line(log, begun, &recordings),
+                None => Ok(()),
+            },
+        )
+    })?;
+    drop(progress);
+    log.map_or(Ok(()), files::Output::finish)?;
+    report(options, rate_hz, channels, &summary);
+    Ok(summary)
+}
+
+/// One line of the log: which cause made which sound.
+fn log_line(log: &mut files::Output, begun: &Begun, recordings: &[(String, String)]) -> Result<()> {
+    let recording = recordings.iter().find(|(name, _)| *name == begun.start.sound).map(|(_, file)| file);
+    let line = json!({
+        "thread": begun.thread,
+        "time_s": begun.time_s,
+        "arrival_s": begun.arrival_s,
+        "object": begun.start.object,
+        "cause": begun.start.cause,
+        "sound": begun.start.sound,
+        "recording": recording,
+        "speed": begun.start.speed,
+        "gain": begun.gain,
+    });
+    writeln!(log, "{line}").map_err(|fault| Error::io("write", "the log", fault))
+}
+
+fn report(options: &Options, rate_hz: u32, channels: usize, summary: &Summary) {
+    let seconds = summary.report.frames as f64 / f64::from(rate_hz);
+    if options.json {
+        let stems: Vec<_> =
+            summary.stems.iter().map(|(object, path)| json!({ "object": object, "file": path })).collect();
+        let report = json!({
+            "file": options.output,
+            "rate_hz": rate_hz,
+            "channels": channels,
+            "duration_s": seconds,
+            "sounds": summary.threads,
+            "gain_db": summary.gain_db,
+            "clipped_samples": summary.clipped,
+            "measured": summary.report,
+            "stems": stems,
+        });
+        println!("{report}");
+    } else {
+        let sounds =
+            if summary.threads == 1 { "1 sound".into() } else { format!("{} sounds", summary.threads) };
+        println!("{}: {seconds:.2} s, {sounds}, {}", options.output.display(), summary.report);
+        for (object, path) in &summary.stems {
+            let object = if object.is_empty() { "no object" } else { object };
+            println!("  {}: {object}", path.display());
+        }
+    }
+    if summary.clipped > 0 {
+        let over = summary.report.peak_dbfs.unwrap_or(0.0);
+        eprintln!(
+            "froufrou: warning: {} samples were too loud and are clipped; use `--normalize`, `--gain {:.1}` or `--format 32f`",
+            summary.clipped,
+            summary.gain_db - over - 0.1
+        );
+    }
+}
