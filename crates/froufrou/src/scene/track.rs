@@ -49,7 +49,7 @@ impl Track {
         match self.interpolation {
             Interpolation::Step => a.position_m,
             Interpolation::Linear => {
-                std::array::from_fn(|n| a.position_m[n] * (1.0 - u) + b.position_m[n] * u)
+                std::array::from_fn(|n| a.position_m[n] + (b.position_m[n] - a.position_m[n]) * u)
             }
             Interpolation::Smooth => {
                 // Cubic Hermite: p = h00 p0 + h10 Δt m0 + h01 p1 + h11 Δt m1, h00 = 1 − h01.
@@ -59,7 +59,7 @@ impl Track {
                 let h10 = u * (u - 1.0) * (u - 1.0);
                 let h11 = u * u * (u - 1.0);
                 std::array::from_fn(|n| {
-                    let straight = a.position_m[n] * (1.0 - h01) + b.position_m[n] * h01;
+                    let straight = a.position_m[n] + (b.position_m[n] - a.position_m[n]) * h01;
                     straight + span_s * (m0[n] * h10 + m1[n] * h11)
                 })
             }

@@ -327,8 +327,17 @@ impl Files {
         };
         let shapes: Vec<usize> =
             found.iter().copied().filter(|&i| all[i].kind != ObjectKind::Transform).collect();
-        found.retain(|&i| !shapes.iter().any(|&shape| is_parent(i, shape)));
-        for object in &mut found {
+        let parents: Vec<usize> =
+            found.iter().copied().filter(|&i| shapes.iter().any(|&shape| is_parent(i, shape))).collect();
+        found.retain(|i| !parents.contains(i));
+        // It goes by the name of the transform that is its own.
+        let named = |object: usize| {
+            let own =
+                |&p: &usize| is_parent(p, object) && shapes.iter().filter(|&&s| is_parent(p, s)).count() == 1;
+            parents.iter().copied().find(own).unwrap_or(object)
+        };
+        let mut found: Vec<(usize, usize)> = found.iter().map(|&object| (object, named(object))).collect();
+        for (object, _) in &mut found {
             let children: Vec<usize> = (0..all.len()).filter(|&c| is_parent(*object, c)).collect();
             if let [only] = children[..]
                 && all[*object].kind == ObjectKind::Transform
@@ -348,10 +357,10 @@ impl Files {
                 .at(Place::Part(source.object.text().to_owned()))
                 .help(help));
         }
-        let ways = found.into_iter().map(|object| {
+        let ways = found.into_iter().map(|(object, named)| {
             let mesh = Arc::new(Mutex::new(Mesh::default()));
             let way = Way::Animated { animation: Arc::clone(animation), object, mesh };
-            (all[object].path.clone(), way, self.start_s - source.time_offset_s)
+            (all[named].path.clone(), way, self.start_s - source.time_offset_s)
         });
         Ok(ways.collect())
     }

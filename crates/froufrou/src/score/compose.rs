@@ -177,6 +177,8 @@ struct Picks {
 
 /// A thread that sounds.
 struct Voice {
+    /// What it starts with, until it has.
+    start: Option<Start>,
     carrier: Carrier,
     /// Gain at 1 m over time: breakpoints, linear between.
     gain: Vec<(f64, f64)>,
@@ -337,8 +339,15 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             let value = Placement { position_m, gain };
             ObjectLine::Thread(Statement { thread: id, time_s, verb, value })
         };
-        let jumps = voice.carrier.jumps_at(time_s, before_s)?;
+        let jumps = voice.start.is_none() && voice.carrier.jumps_at(time_s, before_s)?;
         let ends = time_s >= voice.end_s;
+        if let Some(start) = voice.start.take() {
+            self.ready.push_back(line(Verb::Start(start), voice.carrier.position_m(time_s)?));
+            // A sound without length ends as it starts; its end needs a time of its own.
+            voice.end_s = voice.end_s.max(time_s.next_up());
+            self.schedule(id, time_s);
+            return Ok(());
+        }
         if ends && jumps {
             self.ready.push_back(line(Verb::End, voice.carrier.position_m(before_s)?));
         } else {
@@ -371,27 +380,12 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         self.due.push(Reverse(Due { time_s: next_s, thread: true, id }));
     }
 
-    /// Begins a thread: its start line, and what is to follow.
-    fn begin(
-        &mut self,
-        time_s: f64,
-        carrier: Carrier,
-        gain: Vec<(f64, f64)>,
-        end_s: f64,
-        start: Start,
-    ) -> Result<()> {
-        let thread = self.next_thread;
+    /// Begins a thread.
+    fn begin(&mut self, time_s: f64, carrier: Carrier, gain: Vec<(f64, f64)>, end_s: f64, start: Start) {
+        let id = self.next_thread;
         self.next_thread += 1;
-        let value = Placement { position_m: carrier.position_m(time_s)?, gain: gain_at(&gain, time_s) };
-        self.ready.push_back(ObjectLine::Thread(Statement {
-            thread,
-            time_s,
-            verb: Verb::Start(start),
-            value,
-        }));
-        self.voices.insert(thread, Voice { carrier, gain, end_s, passed_s: time_s });
-        self.schedule(thread, time_s);
-        Ok(())
+        self.voices.insert(id, Voice { start: Some(start), carrier, gain, end_s, passed_s: time_s });
+        self.due.push(Reverse(Due { time_s, thread: true, id }));
     }
 
     /// Starts a sound that the scene sets by hand.
@@ -420,7 +414,8 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         let gain = faded(loudest, planned.time_s, end_s, sound.fade_in_s, sound.fade_out_s);
         let cause = if planned.key.is_some() { "set by hand" } else { "runs through the scene" };
         let start = Start { sound: name, speed, offset_s: 0.0, object, cause: cause.into() };
-        self.begin(planned.time_s, carrier, gain, end_s, start)
+        self.begin(planned.time_s, carrier, gain, end_s, start);
+        Ok(())
     }
 
     /// Lets both bodies of an impact sound, as their materials have it.
@@ -473,7 +468,8 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             impact.impulse_ns, impact.cause.log, impact.cause.first_line, impact.cause.last_line
         );
         let start = Start { sound: name, speed, offset_s: 0.0, object, cause };
-        self.begin(impact.time_s, carrier, vec![(impact.time_s, gain)], end_s, start)
+        self.begin(impact.time_s, carrier, vec![(impact.time_s, gain)], end_s, start);
+        Ok(())
     }
 
     fn length_s(&self, sound: &str) -> f64 {
