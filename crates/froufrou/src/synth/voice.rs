@@ -146,9 +146,9 @@ impl pulp::WithSimd for Reading<'_> {
                 gains[n] = moment.gain;
             }
             if self.segment.fades != Fades::NONE {
-                for n in 0..count {
+                for (n, gain) in gains[..count].iter_mut().enumerate() {
                     let arrival_s = (first + n as u32 as f64) / self.rate_hz;
-                    gains[n] *= self.segment.fades.gain(arrival_s - self.segment.at(arrival_s).delay_s);
+                    *gain *= self.segment.fades.gain(arrival_s - self.segment.at(arrival_s).delay_s);
                 }
             }
             let whole = |position: f64| (position - position.round()).abs() < WHOLE_SAMPLE;
