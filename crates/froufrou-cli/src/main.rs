@@ -1,6 +1,7 @@
 //! The command `froufrou`: animations in, soundtracks out.
 
 mod file_kind;
+mod info;
 mod plot;
 
 use std::process::ExitCode;
@@ -17,11 +18,13 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Info(info::Info),
     Plot(plot::Plot),
 }
 
 fn main() -> ExitCode {
     let done = match Cli::parse().command {
+        Command::Info(info) => info.run(),
         Command::Plot(plot) => plot.run(),
     };
     match done {

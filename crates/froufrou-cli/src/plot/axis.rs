@@ -132,7 +132,7 @@ pub fn log_ticks(from: f64, to: f64, most: usize) -> Vec<Tick> {
 
 /// A round number, in digits where these are few, else with an exponent.
 fn plain_or_power(value: f64) -> String {
-    if (0.000_999..99_999.0).contains(&value) {
+    if (0.000_099..99_999.0).contains(&value) {
         return number(value, 10f64.powf(value.log10().floor()));
     }
     format!("{value:.0e}").replace('-', "−")

@@ -24,7 +24,6 @@ struct Survey {
     loudest: f64,
     /// Least and greatest x and z of what is shown.
     ground: Option<[(f64, f64); 2]>,
-    without_end: u64,
 }
 
 struct Band {
@@ -111,9 +110,9 @@ pub fn draw(file: &Path, title: &str, asked: Span, size: PictureSize) -> Result<
     if survey.bands.is_empty() {
         sheet.text("no threads", middle, (bars.top + bars.bottom) / 2.0, Anchor::Middle, GREY);
     }
-    if survey.without_end > 0 {
+    if facts.unended > 0 {
         let note =
-            format!("{}: recording not found, drawn to the last line", plural(survey.without_end, "thread"));
+            format!("{}: recording not found, drawn to the last line", plural(facts.unended, "thread"));
         let width = bars.width() / 2.0 - 80.0 * sheet.unit_px + bars.left - margin;
         let note = sheet.canvas.fitted(&note, sheet.letters_px(), width);
         sheet.text(&note, margin, bars.bottom + 60.0 * sheet.unit_px, Anchor::Start, GREY);
@@ -129,14 +128,13 @@ impl Survey {
     fn see(&mut self, seen: Seen<'_>, asked: Span) {
         let shown = (asked.from_s.unwrap_or(f64::NEG_INFINITY), asked.to_s.unwrap_or(f64::INFINITY));
         match seen {
-            Seen::Thread { object, name, lane, ends } => {
+            Seen::Thread { object, name, lane } => {
                 if object == self.bands.len() {
                     self.bands.push(Band { name: name.to_owned(), lanes: 0 });
                 }
                 if let Some(band) = self.bands.get_mut(object) {
                     band.lanes = band.lanes.max(lane + 1);
                 }
-                self.without_end += u64::from(!ends);
             }
             Seen::Piece(piece) => {
                 self.end_s = self.end_s.max(piece.to.time_s);
@@ -168,7 +166,7 @@ impl Rows {
         let lanes: usize = bands.iter().map(|band| band.lanes).sum();
         // Half a lane is left between objects.
         let count = lanes as f64 + 0.5 * (bands.len() + 1) as f64;
-        let lane_px = (area.height() / count.max(1.0)).min(34.0 * unit_px);
+        let lane_px = (area.height() / count.max(1.0)).min(44.0 * unit_px);
         let mut top = area.top + 0.5 * lane_px;
         let tops = bands.iter().map(|band| {
             let here = top;
@@ -257,6 +255,9 @@ impl TopView {
     /// A view in which metres are as long in both directions.
     fn new(area: Rectangle, ground: Option<[(f64, f64); 2]>) -> Self {
         let [xs, zs] = ground.unwrap_or([(-1.0, 1.0), (-1.0, 1.0)]);
+        // A world that is wider than deep gets a panel like it, if not a mere slit.
+        let depth = ((zs.1 - zs.0) / (xs.1 - xs.0).max(f64::MIN_POSITIVE)).max(0.7);
+        let area = Rectangle { bottom: (area.top + depth * area.width()).round().min(area.bottom), ..area };
         let metres_per_px = ((xs.1 - xs.0) / area.width()).max((zs.1 - zs.0) / area.height());
         // At least two metres are shown, and an eighth more than is needed.
         let metres_per_px = (1.25 * metres_per_px).max(2.0 / area.width().min(area.height()));

@@ -139,16 +139,13 @@ impl Soundtrack<'_> {
         sheet.frame(area);
         let scale = Scale::Linear { from: -peak, to: peak };
         let letters = sheet.letters_px();
-        if area.height() > 5.0 * letters {
-            // A little inside, so that the labels of neighbours do not touch.
-            let ticks: Vec<_> = linear_ticks(-peak, peak, if area.height() > 7.0 * letters { 4 } else { 2 });
-            let ticks: Vec<_> = ticks
-                .into_iter()
-                .filter(|t| t.value.abs() < 0.95 * peak || area.height() > 6.0 * letters)
-                .collect();
+        if area.height() > 2.5 * letters {
+            // The labels at the edges of two neighbours would touch.
+            let most = if area.height() > 6.0 * letters { 4 } else { 2 };
+            let mut ticks = linear_ticks(-peak, peak, most);
+            let room = 1.0 - 0.6 * letters / area.height();
+            ticks.retain(|tick| self.channels.len() == 1 || tick.value.abs() <= room * peak);
             sheet.side_axis(area, scale, &ticks, false);
-        } else if area.height() >= letters {
-            sheet.side_axis(area, scale, &linear_ticks(0.0, 0.0, 1)[..1], false);
         }
         if area.height() >= letters
             && let Some(name) = channel_name(index, self.channels.len())

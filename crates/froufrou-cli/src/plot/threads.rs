@@ -64,8 +64,6 @@ pub enum Seen<'a> {
         name: &'a str,
         /// Its lane.
         lane: usize,
-        /// False where its end is not known, for its recording cannot be read.
-        ends: bool,
     },
     /// A thread sounds.
     Piece(Piece),
@@ -83,6 +81,8 @@ pub struct Facts {
     pub receivers: Vec<String>,
     /// How many threads it has.
     pub threads: u64,
+    /// How many of them have an end that is not known, for their recordings cannot be read.
+    pub unended: u64,
 }
 
 /// Walks through a score.
@@ -160,8 +160,9 @@ fn walk_through<S: Space, R: BufRead>(
         }
     }
     walker.end_until(f64::INFINITY, see);
+    let unended = walker.live.len() as u64;
     walker.end_all(see);
-    Ok(Facts { object_space, duration_s, receivers, threads })
+    Ok(Facts { object_space, duration_s, receivers, threads, unended })
 }
 
 /// A thread that sounds.
@@ -249,7 +250,7 @@ impl Walker {
             Length::Loop => self.duration_s,
             Length::Unknown => None,
         };
-        see(Seen::Thread { object, name, lane, ends: end_s.is_some() });
+        see(Seen::Thread { object, name, lane });
         if let Some(end_s) = end_s.filter(|end_s| end_s.is_finite()) {
             self.ends.push(Reverse((Moment(end_s.max(place.time_s)), thread)));
         }
