@@ -51,14 +51,18 @@ impl Playback {
     }
 }
 
-/// The first output frame that lies at or after a time, 0 for times before the beginning.
+/// The last frame that is counted: up to here every whole number has a double of its own.
+pub const LAST_FRAME: u64 = 1 << 53;
+
+/// The first output frame that lies at or after a time, 0 for times before the beginning and
+/// [`LAST_FRAME`] for those after it.
 pub fn first_frame(time_s: f64, rate_hz: f64) -> u64 {
     // The product may be rounded across a whole number; the division below is the law.
-    let mut frame = (time_s * rate_hz).ceil().max(0.0) as u64;
+    let mut frame = (time_s * rate_hz).ceil().clamp(0.0, LAST_FRAME as f64) as u64;
     while frame > 0 && (frame - 1) as f64 / rate_hz >= time_s {
         frame -= 1;
     }
-    while (frame as f64 / rate_hz) < time_s {
+    while frame < LAST_FRAME && (frame as f64 / rate_hz) < time_s {
         frame += 1;
     }
     frame
@@ -177,6 +181,9 @@ mod tests {
             }
         }
         assert_eq!(first_frame(-3.0, 48_000.0), 0);
+        for time in [1e12, 1e30, f64::MAX, f64::INFINITY] {
+            assert_eq!(first_frame(time, 192_000.0), LAST_FRAME);
+        }
     }
 
     #[test]
