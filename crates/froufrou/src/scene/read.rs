@@ -550,7 +550,7 @@ fn timing(table: &Table<'_, '_>, repeat: Repeat) -> Result<Timing> {
     table.at_most_one(&["at", "from"])?;
     table.at_most_one(&["at", "to"])?;
     let Some(node) = table.get("at") else {
-        let from_s = table.get("from").map_or(Ok(0.0), |n| n.number(seconds))?;
+        let from_s = table.get("from").map_or(Ok(0.0), |n| n.not_negative(seconds))?;
         let Some(to) = table.get("to") else { return Ok(Timing::Span { from_s, to_s: None }) };
         let to_s = to.number(seconds)?;
         if to_s <= from_s {
@@ -565,11 +565,11 @@ fn timing(table: &Table<'_, '_>, repeat: Repeat) -> Result<Timing> {
     for node in node.list("a list of times or of keys { t = … }")? {
         starts.push(if node.is_table() {
             let key = node.table(START)?;
-            let time_s = key.required("t", seconds)?.number(seconds)?;
+            let time_s = key.required("t", seconds)?.not_negative(seconds)?;
             StartKey { time_s, gain_db: gain_db(&key)?, speed: speed(&key)? }
         } else {
             StartKey {
-                time_s: node.number("a number of seconds or a key { t = … }")?,
+                time_s: node.not_negative("a number of seconds or a key { t = … }")?,
                 gain_db: 0.0,
                 speed: 1.0,
             }

@@ -27,6 +27,9 @@ const HEARTBEAT_S: f64 = 1.0;
 /// So many pairs of bodies are never too many to remember.
 const LEAST_QUIET: usize = 256;
 
+/// Microphones move on for this long after the last thread ends: the sound of a kilometre away.
+const LISTEN_ON_S: f64 = 3.0;
+
 /// What a scene plays and to whom: the header of its score. Recordings are named relative to the
 /// scene's folder.
 pub fn header(scene: &Scene, world: &World) -> Result<ObjectHeader> {
@@ -130,6 +133,8 @@ pub struct Composer<'a, E> {
     starts: VecDeque<Planned>,
     voices: BTreeMap<u64, Voice>,
     next_thread: u64,
+    /// When the last thread to end so far did.
+    last_end_s: f64,
     due: BinaryHeap<Reverse<Due>>,
     ears: Vec<EarState>,
     picks: HashMap<Group, Picks>,
@@ -274,6 +279,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             starts: starts.into(),
             voices: BTreeMap::new(),
             next_thread: 1,
+            last_end_s: 0.0,
             due: BinaryHeap::new(),
             ears: header.receivers.iter().map(|m| EarState { moves: moves(m), passed_s: 0.0 }).collect(),
             picks: HashMap::new(),
@@ -300,8 +306,9 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             let event_s = self.next_event.as_ref().map_or(f64::INFINITY, Event::time_s);
             let due_s = self.due.peek().map_or(f64::INFINITY, |Reverse(due)| due.time_s);
             if due_s < start_s.min(event_s) {
-                // Microphones go on for as long as anything sounds or is still to come.
-                let idle = self.voices.is_empty() && start_s.min(event_s) == f64::INFINITY;
+                // Microphones go on for as long as anything sounds, is under way or still to come.
+                let silent = self.voices.is_empty() && start_s.min(event_s) == f64::INFINITY;
+                let idle = silent && due_s > self.last_end_s + LISTEN_ON_S;
                 match self.due.pop() {
                     Some(Reverse(due)) if due.thread => self.sound(due.id, due.time_s)?,
                     Some(Reverse(due)) if !idle => self.hear(due.id as usize, due.time_s)?,
@@ -368,6 +375,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         }
         if ends {
             self.voices.remove(&id);
+            self.last_end_s = self.last_end_s.max(time_s);
         } else {
             self.schedule(id, time_s);
         }

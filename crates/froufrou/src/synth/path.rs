@@ -52,6 +52,14 @@ impl Fades {
     /// No fade at all.
     pub const NONE: Fades = Fades { in_s: f64::NEG_INFINITY, out_s: f64::INFINITY };
 
+    /// The fades that are heard of what leaves from one time to another.
+    fn within(self, from_s: f64, to_s: f64) -> Self {
+        Self {
+            in_s: if from_s < self.in_s + FADE_S { self.in_s } else { Self::NONE.in_s },
+            out_s: if to_s > self.out_s { self.out_s } else { Self::NONE.out_s },
+        }
+    }
+
     /// The gain at an emission time. A fade out and a fade in at one time sum to 1.
     pub fn gain(&self, emission_s: f64) -> f64 {
         let rise = |begin_s: f64| {
@@ -244,7 +252,7 @@ impl PathBuilder {
             delay_s: [a.delay_s, b.delay_s],
             slope,
             gain: [a.gain, b.gain],
-            fades: self.fades,
+            fades: self.fades.within(a.emission_s, b.emission_s),
         }
     }
 }

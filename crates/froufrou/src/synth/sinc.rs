@@ -22,8 +22,7 @@ use std::sync::OnceLock;
 
 use pulp::{Simd, bytemuck};
 
-/// Positions between two input samples at which the kernel of ratio 1 is tabulated. Cubic
-/// interpolation errs by about 3/128 (ω / PHASES)⁴, −120 dB for 20 kHz at 48 kHz.
+/// Positions between two input samples at which the kernel is tabulated. Cubic interpolation errs by about 3/128 (ω / PHASES)⁴, −120 dB for 20 kHz at 48 kHz.
 pub const PHASES: usize = 32;
 
 /// Half the kernel's length in input samples at ratio 1.
@@ -49,10 +48,12 @@ const TABLE_COUNT: usize = TABLES_PER_OCTAVE * 6 + 2;
 /// is the same to the bit whatever the width of its vector unit.
 const LANES: usize = 16;
 
+/// Readings whose rows and weights are found before any of them is made.
+const CHUNK: usize = 128;
+
 /// One cut-off: a row of taps for each phase, from the one before 0 to the one behind 1.
 struct Table {
     half_width: usize,
-    phases: usize,
     taps: Vec<f32>,
 }
 
@@ -61,14 +62,13 @@ impl Table {
     fn new(scale: f64) -> Self {
         let lanes = LANES as f64;
         let half_width = ((HALF_WIDTH as f64 / scale) / (lanes / 2.0)).ceil() as usize * (LANES / 2);
-        let phases = ((PHASES as f64 * scale).ceil() as usize).max(8);
         // The window's transition lies evenly about the cut-off; its upper end is the stop edge.
         let half_transition = transition(half_width) / 2.0;
         let cutoff = 0.5 * scale - half_transition;
-        let mut taps = Vec::with_capacity((phases + 3) * 2 * half_width);
+        let mut taps = Vec::with_capacity((PHASES + 3) * 2 * half_width);
         let mut row = vec![0.0f64; 2 * half_width];
-        for phase in 0..phases + 3 {
-            let fraction = (phase as f64 - 1.0) / phases as f64;
+        for phase in 0..PHASES + 3 {
+            let fraction = (phase as f64 - 1.0) / PHASES as f64;
             for (k, tap) in row.iter_mut().enumerate() {
                 let x = k as f64 + 1.0 - half_width as f64 - fraction;
                 *tap = 2.0 * cutoff * sinc(2.0 * cutoff * x) * kaiser(x / half_width as f64);
@@ -77,24 +77,14 @@ impl Table {
             let sum: f64 = row.iter().sum();
             taps.extend(row.iter().map(|tap| (tap / sum) as f32));
         }
-        Self { half_width, phases, taps }
+        Self { half_width, taps }
     }
 
-    /// The four rows about a fraction, end to end, and their weights by Lagrange's cubic.
+    /// The four rows about a phase, end to end.
     #[inline(always)]
-    fn rows(&self, fraction: f64) -> (&[f32], [f32; 4]) {
-        let at = fraction * self.phases as f64;
-        let phase = (at as usize).min(self.phases - 1);
+    fn rows(&self, phase: usize) -> &[f32] {
         let width = 2 * self.half_width;
-        let x = (at - phase as f64) as f32;
-        let (before, behind, far) = (x + 1.0, 1.0 - x, 2.0 - x);
-        let weights = [
-            -x * behind * far / 6.0,
-            before * behind * far / 2.0,
-            before * x * far / 2.0,
-            -before * x * behind / 6.0,
-        ];
-        (&self.taps[phase * width..(phase + 4) * width], weights)
+        &self.taps[phase * width..(phase + 4) * width]
     }
 }
 
@@ -189,30 +179,81 @@ impl Samples<'_> {
         }
     }
 
-    /// Reads at a position in input samples, while moving on by `ratio` input samples an output
-    /// sample, with the vector unit `simd`. `window` is scratch memory, used near the ends; it grows
-    /// to twice [`half_width`].
+    /// Reads at many positions, given in input samples, each while moving on by its `ratio` of input
+    /// samples an output sample, with the vector unit `simd`. `window` is scratch memory, used near
+    /// the ends; it grows to twice [`half_width`].
     #[inline(always)]
-    pub fn read<S: Simd>(&self, simd: S, position: f64, ratio: f64, window: &mut Vec<f32>) -> f32 {
-        let floor = position.floor();
-        let fraction = position - floor;
-        let index = floor as i64;
-        let table = table(table_index(ratio));
-        let width = 2 * table.half_width;
-        let begin = index.saturating_add(1 - table.half_width as i64);
+    pub fn read<S: Simd>(
+        &self,
+        simd: S,
+        positions: &[f64],
+        ratios: &[f64],
+        out: &mut [f32],
+        window: &mut Vec<f32>,
+    ) {
+        let chunks = positions.chunks(CHUNK).zip(ratios.chunks(CHUNK)).zip(out.chunks_mut(CHUNK));
+        for ((positions, ratios), out) in chunks {
+            // Rows and weights first, for all: the processor does several at a time.
+            let (mut phases, mut weights) = ([0i32; CHUNK], [[0.0f32; CHUNK]; 4]);
+            for (n, position) in positions.iter().enumerate() {
+                let at = (position - position.floor()) * PHASES as f64;
+                phases[n] = (at as i32).min(PHASES as i32 - 1);
+                let x = (at - f64::from(phases[n])) as f32;
+                // Lagrange's cubic through the rows at −1, 0, 1 and 2.
+                let (before, behind, far) = (x + 1.0, 1.0 - x, 2.0 - x);
+                weights[0][n] = -x * behind * far * (1.0 / 6.0);
+                weights[1][n] = before * behind * far * 0.5;
+                weights[2][n] = before * x * far * 0.5;
+                weights[3][n] = -before * x * behind * (1.0 / 6.0);
+            }
+            let (mut current, mut kernel) = (0, table(0));
+            for (n, out) in out.iter_mut().enumerate() {
+                let index = table_index(ratios[n]);
+                if index != current {
+                    (current, kernel) = (index, table(index));
+                }
+                let rows = kernel.rows(phases[n] as usize);
+                let weights = [weights[0][n], weights[1][n], weights[2][n], weights[3][n]];
+                *out = self.convolve(simd, positions[n].floor() as i64, rows, weights, window);
+            }
+        }
+    }
+
+    /// The rows of a kernel, about an index, on the samples there.
+    #[inline(always)]
+    fn convolve<S: Simd>(
+        &self,
+        simd: S,
+        mut index: i64,
+        rows: &[f32],
+        weights: [f32; 4],
+        window: &mut Vec<f32>,
+    ) -> f32 {
+        let length = self.samples.len() as i64;
+        if self.looped && !(0..length).contains(&index) {
+            index = index.checked_rem_euclid(length).unwrap_or(0);
+        }
+        let width = rows.len() / 4;
+        let begin = index.saturating_add(1 - (width / 2) as i64);
         let end = begin.saturating_add(width as i64);
-        let input = if begin >= 0 && end <= self.samples.len() as i64 {
+        let input = if begin >= 0 && end <= length {
             &self.samples[begin as usize..end as usize]
         } else {
-            if !self.looped && (end <= 0 || begin >= self.samples.len() as i64) {
+            if length == 0 || !self.looped && (end <= 0 || begin >= length) {
                 return 0.0;
             }
-            window.clear();
-            window.extend((begin..end).map(|i| self.at(i)));
+            self.fill(begin, width, window);
             &window[..]
         };
-        let (rows, weights) = table.rows(fraction);
         dot_rows(simd, input, rows, weights)
+    }
+
+    /// The samples from an index on, where they reach beyond an end.
+    #[cold]
+    #[inline(never)]
+    fn fill(&self, begin: i64, width: usize, window: &mut Vec<f32>) {
+        window.clear();
+        window.extend((begin..begin + width as i64).map(|index| self.at(index)));
     }
 }
 
@@ -265,7 +306,9 @@ mod tests {
     use std::f64::consts::PI;
 
     fn read(samples: Samples, position: f64, ratio: f64, window: &mut Vec<f32>) -> f32 {
-        samples.read(pulp::Scalar, position, ratio, window)
+        let mut out = [0.0];
+        samples.read(pulp::Scalar, &[position], &[ratio], &mut out, window);
+        out[0]
     }
 
     fn tone(frequency: f64, length: usize) -> Vec<f32> {
@@ -415,7 +458,9 @@ mod tests {
         impl pulp::WithSimd for Read<'_> {
             type Output = f32;
             fn with_simd<S: Simd>(self, simd: S) -> f32 {
-                self.0.read(simd, self.1, self.2, &mut Vec::new())
+                let mut out = [0.0];
+                self.0.read(simd, &[self.1], &[self.2], &mut out, &mut Vec::new());
+                out[0]
             }
         }
         let input = tone(0.0317, 3000);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::path::Segment;
+use super::path::{Fades, Segment};
 use super::sinc::{self, Samples};
 
 /// A sampled prototype sound: what a thread plays.
@@ -126,6 +126,9 @@ struct Reading<'a> {
     window: &'a mut Vec<f32>,
 }
 
+/// Frames whose positions are found before any of them is read: few enough to stay near.
+const CHUNK: usize = 128;
+
 impl pulp::WithSimd for Reading<'_> {
     type Output = ();
 
@@ -133,18 +136,41 @@ impl pulp::WithSimd for Reading<'_> {
     fn with_simd<S: pulp::Simd>(self, simd: S) {
         let step = self.source_rate_hz / self.rate_hz;
         let unchanged = self.segment.is_still() && step == 1.0;
-        for (n, out) in self.out.iter_mut().enumerate() {
-            let arrival_s = (self.first + n as u64) as f64 / self.rate_hz;
-            let moment = self.segment.at(arrival_s);
-            let emission_s = arrival_s - moment.delay_s;
-            let position = (emission_s - self.playback.start_s) * self.source_rate_hz + self.offset;
-            let sample = if unchanged && (position - position.round()).abs() < WHOLE_SAMPLE {
-                self.samples.at(position.round() as i64)
+        let (mut positions, mut ratios, mut gains) = ([0.0f64; CHUNK], [0.0f64; CHUNK], [0.0f64; CHUNK]);
+        let mut read = [0.0f32; CHUNK];
+        for (chunk, out) in self.out.chunks_mut(CHUNK).enumerate() {
+            let first = (self.first + (chunk * CHUNK) as u64) as f64;
+            let count = out.len();
+            for n in 0..count {
+                let arrival_s = (first + n as u32 as f64) / self.rate_hz;
+                let moment = self.segment.at(arrival_s);
+                let emission_s = arrival_s - moment.delay_s;
+                positions[n] = (emission_s - self.playback.start_s) * self.source_rate_hz + self.offset;
+                ratios[n] = moment.rate * step;
+                gains[n] = moment.gain;
+            }
+            if self.segment.fades != Fades::NONE {
+                for (n, gain) in gains[..count].iter_mut().enumerate() {
+                    let arrival_s = (first + n as u32 as f64) / self.rate_hz;
+                    *gain *= self.segment.fades.gain(arrival_s - self.segment.at(arrival_s).delay_s);
+                }
+            }
+            let whole = |position: f64| (position - position.round()).abs() < WHOLE_SAMPLE;
+            if unchanged && positions[..count].iter().all(|&position| whole(position)) {
+                for (read, position) in read.iter_mut().zip(&positions[..count]) {
+                    *read = self.samples.at(position.round() as i64);
+                }
             } else {
-                self.samples.read(simd, position, moment.rate * step, self.window)
-            };
-            if sample != 0.0 {
-                *out += f64::from(sample) * (moment.gain * self.segment.fades.gain(emission_s));
+                self.samples.read(
+                    simd,
+                    &positions[..count],
+                    &ratios[..count],
+                    &mut read[..count],
+                    self.window,
+                );
+            }
+            for (out, (&sample, gain)) in out.iter_mut().zip(read.iter().zip(gains)) {
+                *out += f64::from(sample) * gain;
             }
         }
     }
@@ -153,7 +179,6 @@ impl pulp::WithSimd for Reading<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synth::path::Fades;
 
     fn still(begin_s: f64, end_s: f64, delay_s: f64, gain: f64) -> Segment {
         Segment {
