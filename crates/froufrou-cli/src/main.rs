@@ -14,7 +14,8 @@ mod soundtrack;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser, Subcommand};
 
 /// A sound engine that turns motion into sound.
 #[derive(Parser)]
@@ -62,6 +63,11 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Ends the command where what was asked for makes no sense, as clap does.
+fn usage(message: &str) -> ! {
+    Cli::command().error(ErrorKind::ArgumentConflict, message).exit()
 }
 
 fn is_broken_pipe(error: &froufrou::Error) -> bool {

@@ -1,15 +1,15 @@
 //! `froufrou score`: from a scene to its score, or from one form of a score to another.
 
-use std::io::Write;
 use std::path::{Component, Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use froufrou::Result;
 use froufrou::render::production::Production;
 use froufrou::score::{AnyDocument, ChannelWriter, Header, ObjectWriter, Order};
-use froufrou::{Error, Result};
 
 use crate::files;
 use crate::render::SceneOptions;
+use crate::usage;
 
 /// Write the score of a scene, to be read, edited and mixed; or sort one that there is
 #[derive(Args)]
@@ -59,6 +59,11 @@ impl Score {
         if self.scene.path.extension().is_some_and(|e| e == "score") {
             return self.sort_score();
         }
+        if matches!(self.sort, Some(Sort::Thread)) && self.output == Path::new("-") {
+            usage(
+                "a scene's score on standard output is in order of time; `-o FILE` has it sorted by thread",
+            );
+        }
         let production = Production::open(self.scene.open()?)?;
         let folder = &production.scene.folder;
         let mut text = files::Output::create(&self.output)?;
@@ -82,10 +87,6 @@ impl Score {
         }
         text.finish()?;
         match self.sort {
-            Some(Sort::Thread) if self.output == Path::new("-") => {
-                Err(Error::new("a score on standard output is in order of time")
-                    .help("give `-o FILE` to have it sorted by thread"))
-            }
             Some(Sort::Thread) => self.sorted(&self.output),
             _ => Ok(()),
         }
@@ -94,9 +95,9 @@ impl Score {
     /// Rewrites a score in another order.
     fn sort_score(&self) -> Result<()> {
         if self.space.is_some() || self.scene.seed.is_some() || self.scene.layout.is_some() {
-            return Err(Error::new("`--space`, `--seed` and `--layout` are for scenes")
-                .in_file(&self.scene.path)
-                .help("a score can be given another order with `--sort`"));
+            usage(
+                "`--space`, `--seed` and `--layout` are for scenes; a score can be given another order with `--sort`",
+            );
         }
         self.sorted(&self.scene.path)
     }
@@ -107,10 +108,7 @@ impl Score {
             Some(Sort::Thread) => Order::Thread,
             Some(Sort::Time) | None => Order::Time,
         });
-        let text = document.to_text()?;
-        let mut output = files::Output::create(&self.output)?;
-        output.write_all(text.as_bytes()).map_err(|fault| Error::io("write", &self.output, fault))?;
-        output.finish()
+        files::write(&self.output, document.to_text()?.as_bytes())
     }
 }
 

@@ -15,6 +15,7 @@ use serde_json::json;
 
 use crate::files;
 use crate::progress::Progress;
+use crate::usage;
 
 /// Where the soundtrack goes and how.
 #[derive(Args, Clone)]
@@ -103,12 +104,7 @@ where
     L: Iterator<Item = Result<ChannelLine>> + Send,
 {
     if options.to.is_some_and(|to| to <= options.from) {
-        return Err(Error::new(format!(
-            "nothing lies between {} s and {} s",
-            options.from,
-            options.to.unwrap_or_default()
-        ))
-        .help("`--to` must be later than `--from`"));
+        usage("`--to` must be later than `--from`");
     }
     let channels = header.receivers.len();
     let extent = Extent { rate_hz, from_s: options.from, to_s: options.to, duration_s: header.duration_s };
@@ -143,7 +139,7 @@ where
     })?;
     drop(progress);
     log.map_or(Ok(()), files::Output::finish)?;
-    report(options, rate_hz, channels, &summary);
+    report(options, rate_hz, channels, &summary)?;
     Ok(summary)
 }
 
@@ -164,7 +160,8 @@ fn log_line(log: &mut files::Output, begun: &Begun, recordings: &[(String, Strin
     writeln!(log, "{line}").map_err(|fault| Error::io("write", "the log", fault))
 }
 
-fn report(options: &Options, rate_hz: u32, channels: usize, summary: &Summary) {
+fn report(options: &Options, rate_hz: u32, channels: usize, summary: &Summary) -> Result<()> {
+    let mut text = String::new();
     let seconds = summary.report.frames as f64 / f64::from(rate_hz);
     if options.json {
         let stems: Vec<_> =
@@ -180,14 +177,14 @@ fn report(options: &Options, rate_hz: u32, channels: usize, summary: &Summary) {
             "measured": summary.report,
             "stems": stems,
         });
-        println!("{report}");
+        text = format!("{report}\n");
     } else {
         let sounds =
             if summary.threads == 1 { "1 sound".into() } else { format!("{} sounds", summary.threads) };
-        println!("{}: {seconds:.2} s, {sounds}, {}", options.output.display(), summary.report);
+        text += &format!("{}: {seconds:.2} s, {sounds}, {}\n", options.output.display(), summary.report);
         for (object, path) in &summary.stems {
             let object = if object.is_empty() { "no object" } else { object };
-            println!("  {}: {object}", path.display());
+            text += &format!("  {}: {object}\n", path.display());
         }
     }
     if summary.clipped > 0 {
@@ -198,4 +195,8 @@ fn report(options: &Options, rate_hz: u32, channels: usize, summary: &Summary) {
             summary.gain_db - over - 0.1
         );
     }
+    // Not by `println!`, which panics where nobody reads.
+    let mut output = std::io::stdout().lock();
+    let written = output.write_all(text.as_bytes()).and_then(|()| output.flush());
+    written.map_err(|fault| Error::io("write", "standard output", fault))
 }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::score::ChannelLine;
 use crate::synth::mixer::{Begun, Block, Mixer, Voices};
-use crate::synth::voice::first_frame;
+use crate::synth::voice::{LAST_FRAME, first_frame};
 use crate::{Error, Result};
 
 /// Frames that one core renders at a time.
@@ -52,6 +52,8 @@ pub struct Piece<'a> {
     pub objects: &'a [String],
     /// The threads that have begun since the last piece.
     pub begun: &'a [Begun],
+    /// The frame that the soundtrack is known to reach at least, by what has been read of it.
+    pub reaches: u64,
 }
 
 /// Renders what a mixer reads, piece by piece, on the threads of the surrounding rayon pool. The
@@ -75,8 +77,10 @@ where
     loop {
         let mut to = at + (BLOCKS * BLOCK_FRAMES) as u64;
         if at < from {
-            // What comes before is read, for its threads may sound on, but not rendered.
-            to = to.min(from);
+            // What comes before is read, for its threads may sound on, but not rendered. Where
+            // nothing is to be read there is nothing to be passed piece by piece.
+            let next = mixer.next_s().map_or(LAST_FRAME, |next_s| first_frame(next_s, rate_hz));
+            to = to.max(next).min(from);
         }
         mixer.read_to(to)?;
         let arrived = mixer.is_read().then(|| first_frame(mixer.last_arrival_s(), rate_hz));
@@ -85,9 +89,12 @@ where
             (end, _) => end,
         };
         to = limit.map_or(to, |limit| to.min(limit));
+        let known_s = mixer.next_s().unwrap_or(0.0).max(mixer.last_arrival_s());
+        let reaches = limit.unwrap_or_else(|| first_frame(known_s, rate_hz));
         let begun = mixer.take_begun();
         if to <= at || at < from {
-            each(Piece { frames: at..at, mix: &[], stems: &[], objects: mixer.objects(), begun: &begun })?;
+            let objects = mixer.objects();
+            each(Piece { frames: at..at, mix: &[], stems: &[], objects, begun: &begun, reaches })?;
             if to <= at {
                 return Ok(());
             }
@@ -118,6 +125,7 @@ where
                 stems: &stems,
                 objects: mixer.objects(),
                 begun: &begun,
+                reaches,
             })?;
         }
         mixer.release(to);

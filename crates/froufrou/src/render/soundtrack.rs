@@ -76,11 +76,15 @@ pub fn write<L: Iterator<Item = Result<ChannelLine>>>(
     let mut threads = 0;
     let mut scaled = Vec::new();
     offline::render(mixer, channels, extent, output.stems.is_some(), |piece: Piece<'_>| {
+        // Said at once, not when the disk is full.
+        format
+            .check_frames(piece.reaches.saturating_sub(first_frame))
+            .map_err(|fault| fault.in_file(&output.path))?;
         for begun in piece.begun {
             threads += 1;
             log(begun)?;
         }
-        amplify(&mut scaled, piece.mix, gain);
+        amplify(&mut scaled, piece.mix, gain)?;
         meter.add(&scaled)?;
         mix.write(&scaled)?;
         stems.write(&piece, gain, &mut scaled)?;
@@ -92,7 +96,8 @@ pub fn write<L: Iterator<Item = Result<ChannelLine>>>(
     let mut gain = 1.0;
     if let (Some(target), Some(peak)) = (output.normalize_dbtp, report.true_peak_dbtp) {
         gain_db += target - peak;
-        gain = 10f64.powf((target - peak) / 20.0) as f32;
+        // What is next to nothing is brought up as far as a number goes.
+        gain = 10f64.powf((target - peak) / 20.0).min(f64::from(f32::MAX)) as f32;
         // What is in the file is measured, not what it was made from.
         let mut meter = Meter::new(extent.rate_hz, channels)?;
         mix.replay(gain, |samples| meter.add(samples))?;
@@ -107,9 +112,13 @@ pub fn write<L: Iterator<Item = Result<ChannelLine>>>(
     Ok(Summary { report, gain_db, stems: files, threads, clipped })
 }
 
-fn amplify(to: &mut Vec<f32>, from: &[f32], gain: f32) {
+fn amplify(to: &mut Vec<f32>, from: &[f32], gain: f32) -> Result<()> {
     to.clear();
     to.extend(from.iter().map(|sample| sample * gain));
+    if to.iter().all(|sample| sample.is_finite()) {
+        return Ok(());
+    }
+    Err(Error::new("a sound is beyond all numbers").help("a gain is too large"))
 }
 
 /// One file on its way: written at once, or, where the gain is known only at the end, kept beside.
@@ -218,8 +227,8 @@ impl Stems<'_> {
         }
         for (index, (_, _, track)) in self.tracks.iter_mut().enumerate() {
             match piece.stems.iter().find(|(object, _)| *object == index) {
-                Some((_, samples)) => amplify(scaled, samples, gain),
-                None => amplify(scaled, &vec![0.0; piece.mix.len()], gain),
+                Some((_, samples)) => amplify(scaled, samples, gain)?,
+                None => amplify(scaled, &vec![0.0; piece.mix.len()], gain)?,
             }
             track.write(scaled)?;
         }

@@ -91,6 +91,21 @@ pub struct WavFormat {
     pub first_frame: u64,
 }
 
+impl WavFormat {
+    /// Refuses more frames than such a file can hold.
+    ///
+    /// # Errors
+    /// Where they would take more than 4 GiB.
+    pub fn check_frames(&self, frames: u64) -> Result<()> {
+        let frame_bytes = self.channels as u64 * u64::from(self.samples.bits() / 8);
+        if frames.checked_mul(frame_bytes).is_some_and(|bytes| bytes <= MAX_DATA_BYTES) {
+            return Ok(());
+        }
+        Err(Error::new("the sound is longer than a WAV file can be: 4 GiB")
+            .help("render shorter ranges, fewer channels or fewer bits"))
+    }
+}
+
 /// What was written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Written {
@@ -194,13 +209,8 @@ impl WavWriter {
             ))
             .in_file(&self.path));
         }
-        let sample_bytes = u64::from(self.format.samples.bits() / 8);
-        let before = self.written.frames * channels as u64;
-        if (before + interleaved.len() as u64) * sample_bytes > MAX_DATA_BYTES {
-            return Err(Error::new("the sound is longer than a WAV file can be: 4 GiB")
-                .in_file(&self.path)
-                .help("render shorter ranges, fewer channels or fewer bits"));
-        }
+        let frames = self.written.frames + (interleaved.len() / channels) as u64;
+        self.format.check_frames(frames).map_err(|fault| fault.in_file(&self.path))?;
         for frame in interleaved.chunks_exact(channels) {
             let index = self.format.first_frame.wrapping_add(self.written.frames);
             for (sample, dither) in frame.iter().zip(&self.dither) {

@@ -24,6 +24,9 @@ use crate::{Error, Place, Result};
 /// read, however long a sound lasts.
 const HEARTBEAT_S: f64 = 1.0;
 
+/// So many pairs of bodies are never too many to remember.
+const LEAST_QUIET: usize = 256;
+
 /// Microphones move on for this long after the last thread ends: the sound of a kilometre away.
 const LISTEN_ON_S: f64 = 3.0;
 
@@ -135,8 +138,10 @@ pub struct Composer<'a, E> {
     due: BinaryHeap<Reverse<Due>>,
     ears: Vec<EarState>,
     picks: HashMap<Group, Picks>,
-    /// When a pair of bodies last sounded in an object, for the dead time of its material.
-    struck_s: HashMap<(String, String, usize), f64>,
+    /// Until when a pair of bodies is quiet in an object: the dead time of its material.
+    quiet_until_s: HashMap<(String, String, usize), f64>,
+    /// How many of those there may be before the ones that are over are forgotten.
+    most_quiet: usize,
     ready: VecDeque<ObjectLine>,
     state: State,
 }
@@ -278,7 +283,8 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             due: BinaryHeap::new(),
             ears: header.receivers.iter().map(|m| EarState { moves: moves(m), passed_s: 0.0 }).collect(),
             picks: HashMap::new(),
-            struck_s: HashMap::new(),
+            quiet_until_s: HashMap::new(),
+            most_quiet: LEAST_QUIET,
             ready: VecDeque::new(),
             state: State::New,
         })
@@ -438,10 +444,13 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             let material = self.scene.objects[index].material.and_then(|m| self.scene.materials.get(m));
             let Some(sound) = material.and_then(|m| m.impact.as_ref()) else { continue };
             let pair = (body.clone(), other.clone(), index);
-            let quiet =
-                self.struck_s.get(&pair).is_some_and(|&last_s| impact.time_s - last_s < sound.retrigger_s);
+            let quiet = self.quiet_until_s.get(&pair).is_some_and(|&until_s| impact.time_s < until_s);
             if impact.impulse_ns >= sound.floor_impulse_ns && !quiet {
-                self.struck_s.insert(pair, impact.time_s);
+                if self.quiet_until_s.len() >= self.most_quiet {
+                    self.quiet_until_s.retain(|_, &mut until_s| until_s > impact.time_s);
+                    self.most_quiet = LEAST_QUIET.max(2 * self.quiet_until_s.len());
+                }
+                self.quiet_until_s.insert(pair, impact.time_s + sound.retrigger_s);
                 self.strike_one(impact, body, other, index, sound)?;
             }
         }

@@ -38,6 +38,14 @@ pub use write::{ChannelWriter, ObjectWriter, Writer};
 pub mod compose;
 pub mod ending;
 
+/// The latest time, in seconds, that is mixed: some thirty years. A double still tells samples apart
+/// there.
+pub const LATEST_S: f64 = 1e9;
+
+/// The longest time, in seconds, that a sound may be under way. Who mixes has to hold what is under
+/// way in memory; and what comes from more than an hour away is 120 dB fainter than 1 m away.
+pub const LONGEST_DELAY_S: f64 = 3600.0;
+
 /// What a thread plays.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sound {

@@ -14,8 +14,8 @@ use std::collections::{BTreeMap, BinaryHeap, VecDeque};
 use super::microphone::{NEAR_M, gain_and_distance, length};
 use super::track::Track;
 use crate::score::{
-    Arrival, ChannelHeader, ChannelLine, Microphone, MicrophoneKey, MicrophoneShape, ObjectHeader,
-    ObjectLine, Order, Placement, Pose, Statement, Verb,
+    Arrival, ChannelHeader, ChannelLine, LATEST_S, LONGEST_DELAY_S, Microphone, MicrophoneKey,
+    MicrophoneShape, ObjectHeader, ObjectLine, Order, Placement, Pose, Statement, Verb,
 };
 use crate::synth::path::FADE_S;
 use crate::{Error, Result};
@@ -29,6 +29,10 @@ const MIN_STEP_S: f64 = 0.0005;
 /// A source that covers more than this part of the speed of sound between two keys has jumped: no
 /// pitch could follow it.
 const JUMP_SPEED: f64 = 0.5;
+
+/// Nothing is further from the origin than this in any direction, in metres; a double tells a tenth
+/// of a metre apart there.
+const FARTHEST_M: f64 = 1e15;
 
 /// The header of the channel-space score that a header in object space leads to.
 pub fn channel_header(header: &ObjectHeader) -> ChannelHeader {
@@ -166,13 +170,19 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Inbox<L> {
         match self.next.take() {
             None => return Ok(false),
             Some(ObjectLine::Microphone(key)) => {
+                check(key.time_s, key.pose.position_m)
+                    .map_err(|what| Error::new(format!("microphone {} {what}", key.microphone + 1)))?;
                 self.ears
                     .get_mut(key.microphone)
                     .filter(|ear| ear.moves)
                     .into_iter()
                     .for_each(|ear| ear.hear(&key));
             }
-            Some(ObjectLine::Thread(line)) => self.wait(line)?,
+            Some(ObjectLine::Thread(line)) => {
+                check(line.time_s, line.value.position_m)
+                    .map_err(|what| Error::new(format!("thread {} {what}", line.thread)))?;
+                self.wait(line)?;
+            }
         }
         Ok(true)
     }
@@ -220,13 +230,19 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Inbox<L> {
         }
     }
 
+    /// How long sound takes for a distance. What is very far is heard no later than what is far:
+    /// where a microphone will be then would have to be known, and it is next to silent.
+    fn delay_s(&self, distance_m: f64) -> f64 {
+        (distance_m / self.speed_of_sound_mps).min(LONGEST_DELAY_S)
+    }
+
     /// When what leaves a place now arrives at a microphone: |s − m(a)| = c (a − t).
     fn arrival_s(&mut self, ear: usize, take: usize, position_m: [f64; 3], time_s: f64) -> Result<f64> {
         let mut arrival_s = time_s;
         // Each pass shrinks the error by the microphone's speed over that of sound.
         for _ in 0..60 {
             let (pose, _) = self.pose(ear, take, arrival_s)?;
-            let next_s = time_s + distance(position_m, pose.position_m) / self.speed_of_sound_mps;
+            let next_s = time_s + self.delay_s(distance(position_m, pose.position_m));
             let error_s = (next_s - arrival_s).abs();
             arrival_s = next_s;
             if error_s < 1e-13 * arrival_s.abs().max(1.0) || !self.ears[ear].moves {
@@ -244,9 +260,21 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Inbox<L> {
         // Where nothing moves the delay is d / c to the last bit, not a difference of times.
         let still = !self.ears[ear].moves;
         let delay_s =
-            if still { distance_m / self.speed_of_sound_mps } else { (arrival_s - time_s).max(0.0) };
+            if still { self.delay_s(distance_m) } else { (arrival_s - time_s).clamp(0.0, LONGEST_DELAY_S) };
         Ok(Arrival { gain, delay_s })
     }
+}
+
+/// Says what is wrong with a time and place.
+fn check(time_s: f64, position_m: [f64; 3]) -> Result<(), String> {
+    if !(0.0..=LATEST_S).contains(&time_s) {
+        return Err(format!("has a line at {time_s} s; a soundtrack can have times from 0 to {LATEST_S} s"));
+    }
+    if position_m.iter().all(|c| c.abs() <= FARTHEST_M) {
+        return Ok(());
+    }
+    let [x, y, z] = position_m;
+    Err(format!("is at {x} {y} {z} at {time_s} s; places must lie within {FARTHEST_M:e} m of the origin"))
 }
 
 fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {

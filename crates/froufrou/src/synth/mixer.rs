@@ -4,16 +4,19 @@
 //! the block that is asked for, and forgets what has sounded. Its memory follows the number of
 //! threads that sound at once and the distance between their keys, not the length of the score.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use super::path::{PathBuilder, PathKey, Segment};
 use super::voice::{self, Playback, Prototype};
-use crate::score::{Arrival, ChannelLine, Start, Verb};
+use crate::score::{Arrival, ChannelLine, LATEST_S, LONGEST_DELAY_S, Start, Verb};
 use crate::{Error, Result};
 
-/// Nothing arrives before it leaves, but a resampled onset rings before it, by less than this even
-/// for the slowest reading of the lowest rate.
+/// Nothing arrives before it leaves, but a resampled onset rings before it. It does so for this long
+/// at most; what is read so slowly that it would ring for longer begins with less of it.
 const ONSET_S: f64 = 1.0;
+
+/// Playback speeds outside of this make positions in the recording that no number can tell apart.
+const SPEEDS: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
 
 /// A thread that sounds or will.
 struct Thread {
@@ -114,6 +117,7 @@ pub struct Mixer<L> {
     names: BTreeMap<String, usize>,
     voices: Voices,
     objects: Vec<String>,
+    object_indices: HashMap<String, usize>,
     begun: Vec<Begun>,
     last_arrival_s: f64,
 }
@@ -141,6 +145,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             names,
             voices: Voices { rate_hz: f64::from(rate_hz), channels, prototypes, threads: BTreeMap::new() },
             objects: Vec::new(),
+            object_indices: HashMap::new(),
             begun: Vec::new(),
             last_arrival_s: 0.0,
         };
@@ -156,6 +161,11 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
     /// The threads that have begun since this was last asked, in the order of the score.
     pub fn take_begun(&mut self) -> Vec<Begun> {
         std::mem::take(&mut self.begun)
+    }
+
+    /// The time of the next line to be read, in seconds, where there is one.
+    pub fn next_s(&self) -> Option<f64> {
+        self.next.as_ref().map(|line| line.time_s)
     }
 
     /// True where every line has been read; then the latest arrival is known.
@@ -232,6 +242,16 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
                 self.voices.channels
             )));
         }
+        if !(0.0..=LATEST_S).contains(&line.time_s) {
+            return Err(Error::new(format!("thread {id} has a line at {} s", line.time_s))
+                .help(format!("a soundtrack can have times from 0 to {LATEST_S} s")));
+        }
+        for (channel, arrival) in line.value.iter().enumerate() {
+            check_arrival(arrival).map_err(|what| {
+                let channel = channel + 1;
+                Error::new(format!("thread {id} has {what} in channel {channel} at {} s", line.time_s))
+            })?;
+        }
         match line.verb {
             Verb::Start(start) => self.start(id, line.time_s, start, &line.value)?,
             Verb::Key => self.through(id, line.time_s, &line.value, false)?,
@@ -257,14 +277,29 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             return Err(Error::new(format!("thread {id} plays an unknown sound `{}`", start.sound)));
         };
         let sound = &self.voices.prototypes[prototype];
+        if !SPEEDS.contains(&start.speed) {
+            return Err(Error::new(format!("thread {id} plays at speed {}", start.speed)).help(format!(
+                "speeds from {:e} to {:e} can be mixed",
+                SPEEDS.start(),
+                SPEEDS.end()
+            )));
+        }
+        if !(0.0..=LATEST_S).contains(&start.offset_s) {
+            return Err(Error::new(format!("thread {id} begins {} s into its recording", start.offset_s)));
+        }
         let playback = Playback { start_s: time_s, speed: start.speed, offset_s: start.offset_s };
-        let (fades_in, lead_s) = (playback.fades_in(sound), playback.lead_s(sound, self.voices.rate_hz));
+        let fades_in = playback.fades_in(sound);
+        let lead_s = playback.lead_s(sound, self.voices.rate_hz).min(ONSET_S);
         let builders: Vec<_> =
             path_keys(time_s, value).map(|k| PathBuilder::new(k, fades_in, lead_s)).collect();
-        let object = self.objects.iter().position(|o| *o == start.object).unwrap_or_else(|| {
-            self.objects.push(start.object.clone());
-            self.objects.len() - 1
-        });
+        let object = match self.object_indices.get(&start.object) {
+            Some(&object) => object,
+            None => {
+                self.object_indices.insert(start.object.clone(), self.objects.len());
+                self.objects.push(start.object.clone());
+                self.objects.len() - 1
+            }
+        };
         let segments = vec![Vec::new(); self.voices.channels];
         self.begun.push(Begun {
             thread: id,
@@ -300,11 +335,23 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
                 None => builder.last(),
             };
             builder.end(key, &mut |segment| segments.push(segment));
-            let end_s = segments.last().map_or(0.0, |s| s.end_s);
+            // What left before a jump may arrive after what left behind it.
+            let end_s = segments.iter().map(|s| s.end_s).fold(0.0, f64::max);
             self.last_arrival_s = self.last_arrival_s.max(end_s);
         }
         thread.ended = true;
     }
+}
+
+/// Says what an arrival has that cannot be mixed.
+fn check_arrival(arrival: &Arrival) -> Result<(), String> {
+    if !arrival.gain.is_finite() || arrival.gain < 0.0 {
+        return Err(format!("a gain of {}", arrival.gain));
+    }
+    if !(0.0..=LONGEST_DELAY_S).contains(&arrival.delay_s) {
+        return Err(format!("a delay of {} s, not 0 to {LONGEST_DELAY_S} s,", arrival.delay_s));
+    }
+    Ok(())
 }
 
 fn path_key(emission_s: f64, arrival: &Arrival) -> PathKey {

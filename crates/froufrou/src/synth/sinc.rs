@@ -15,14 +15,16 @@
 //!
 //! The kernel is tabulated at [`PHASES`] positions between two samples, small enough for the
 //! processor's nearest cache, and read between them by cubic interpolation; there is a table for
-//! every five-hundredth of an octave of compression, made when it is first needed. A step from one
-//! cut-off to the next moves only what lies above the pass band, and that by less than 1 %.
+//! every five-hundredth of the first octave of compression and for half as many of each octave
+//! further up, made when it is first needed. A step from one cut-off to the next moves only what
+//! lies above the pass band, in the first octave by less than 1 %.
 
 use std::sync::OnceLock;
 
 use pulp::{Simd, bytemuck};
 
-/// Positions between two input samples at which the kernel is tabulated. Cubic interpolation errs by about 3/128 (ω / PHASES)⁴, −120 dB for 20 kHz at 48 kHz.
+/// Positions between two input samples at which the kernel is tabulated. Cubic interpolation errs by
+/// about 3/128 (ω / PHASES)⁴, −120 dB for 20 kHz at 48 kHz.
 pub const PHASES: usize = 32;
 
 /// Half the kernel's length in input samples at ratio 1.
@@ -32,8 +34,17 @@ const HALF_WIDTH: usize = 40;
 /// 2 · 40 taps then make a transition 0.083 of the sampling rate wide.
 const KAISER_BETA: f64 = 10.4;
 
-/// Tables an octave of compression, spaced evenly in ratio.
+/// Tables of the first octave of compression, spaced evenly in ratio. Each octave has half as many
+/// as the one before, whose tables are half as long: each takes the same memory, 9 MB at most.
 const TABLES_PER_OCTAVE: usize = 512;
+
+/// How many octaves have tables.
+const OCTAVES: usize = 6;
+
+/// Index of the first table of an octave: 512 + 256 + … before it.
+const fn first_table(octave: usize) -> usize {
+    2 * TABLES_PER_OCTAVE - (2 * TABLES_PER_OCTAVE >> octave)
+}
 
 /// Where the pass band must end at the earliest, as a part of the lower Nyquist frequency.
 #[cfg(test)]
@@ -42,7 +53,7 @@ const PASS_EDGE: f64 = 20.0 / 24.0;
 /// The largest ratio whose cut-off is followed; beyond it, the cut-off stays.
 pub const MAX_RATIO: f64 = 64.0;
 
-const TABLE_COUNT: usize = TABLES_PER_OCTAVE * 6 + 2;
+const TABLE_COUNT: usize = first_table(OCTAVES) + 1;
 
 /// Lanes of the dot products; sums are made in this fixed order on every machine, so that a sound
 /// is the same to the bit whatever the width of its vector unit.
@@ -125,8 +136,9 @@ fn table(index: usize) -> &'static Table {
 
 /// The stop edge of a table as a part of the input's Nyquist frequency.
 fn table_scale(index: usize) -> f64 {
-    let (octave, step) = (index / TABLES_PER_OCTAVE, index % TABLES_PER_OCTAVE);
-    1.0 / ((1u64 << octave) as f64 * (1.0 + step as f64 / TABLES_PER_OCTAVE as f64))
+    let octave = (0..=OCTAVES).rfind(|&octave| first_table(octave) <= index).unwrap_or(0);
+    let step = (index - first_table(octave)) as f64 / (TABLES_PER_OCTAVE >> octave) as f64;
+    1.0 / ((1u64 << octave) as f64 * (1.0 + step))
 }
 
 /// The number of input samples that a reading at `ratio` needs to either side of its position.
@@ -153,7 +165,7 @@ fn table_index(ratio: f64) -> usize {
         mantissa *= 0.5;
         octave += 1;
     }
-    octave * TABLES_PER_OCTAVE + ((mantissa - 1.0) * TABLES_PER_OCTAVE as f64).ceil() as usize
+    first_table(octave) + ((mantissa - 1.0) * (TABLES_PER_OCTAVE >> octave) as f64).ceil() as usize
 }
 
 /// A sound as it can be read: its samples, and what lies beyond them.

@@ -51,14 +51,18 @@ impl Playback {
     }
 }
 
-/// The first output frame that lies at or after a time, 0 for times before the beginning.
+/// The last frame that is counted: up to here every whole number has a double of its own.
+pub const LAST_FRAME: u64 = 1 << 53;
+
+/// The first output frame that lies at or after a time, 0 for times before the beginning and
+/// [`LAST_FRAME`] for those after it.
 pub fn first_frame(time_s: f64, rate_hz: f64) -> u64 {
     // The product may be rounded across a whole number; the division below is the law.
-    let mut frame = (time_s * rate_hz).ceil().max(0.0) as u64;
+    let mut frame = (time_s * rate_hz).ceil().clamp(0.0, LAST_FRAME as f64) as u64;
     while frame > 0 && (frame - 1) as f64 / rate_hz >= time_s {
         frame -= 1;
     }
-    while (frame as f64 / rate_hz) < time_s {
+    while frame < LAST_FRAME && (frame as f64 / rate_hz) < time_s {
         frame += 1;
     }
     frame
@@ -131,7 +135,14 @@ impl pulp::WithSimd for Reading<'_> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
         let step = self.source_rate_hz / self.rate_hz;
-        let unchanged = self.segment.is_still() && step == 1.0;
+        let place =
+            |emission_s: f64| (emission_s - self.playback.start_s) * self.source_rate_hz + self.offset;
+        // Where nothing moves, all positions are as far from a whole sample but for rounding. One
+        // speaks for the whole segment: else it would depend on the block which are read unchanged.
+        let whole = |position: f64| (position - position.round()).abs() < WHOLE_SAMPLE;
+        let begin_s = first_frame(self.segment.begin_s, self.rate_hz) as f64 / self.rate_hz;
+        let unchanged =
+            self.segment.is_still() && step == 1.0 && whole(place(begin_s - self.segment.delay_s[0]));
         let (mut positions, mut ratios, mut gains) = ([0.0f64; CHUNK], [0.0f64; CHUNK], [0.0f64; CHUNK]);
         let mut read = [0.0f32; CHUNK];
         for (chunk, out) in self.out.chunks_mut(CHUNK).enumerate() {
@@ -141,7 +152,7 @@ impl pulp::WithSimd for Reading<'_> {
                 let arrival_s = (first + n as u32 as f64) / self.rate_hz;
                 let moment = self.segment.at(arrival_s);
                 let emission_s = arrival_s - moment.delay_s;
-                positions[n] = (emission_s - self.playback.start_s) * self.source_rate_hz + self.offset;
+                positions[n] = place(emission_s);
                 ratios[n] = moment.rate * step;
                 gains[n] = moment.gain;
             }
@@ -151,8 +162,7 @@ impl pulp::WithSimd for Reading<'_> {
                     *gain *= self.segment.fades.gain(arrival_s - self.segment.at(arrival_s).delay_s);
                 }
             }
-            let whole = |position: f64| (position - position.round()).abs() < WHOLE_SAMPLE;
-            if unchanged && positions[..count].iter().all(|&position| whole(position)) {
+            if unchanged {
                 for (read, position) in read.iter_mut().zip(&positions[..count]) {
                     *read = self.samples.at(position.round() as i64);
                 }
@@ -202,6 +212,9 @@ mod tests {
             }
         }
         assert_eq!(first_frame(-3.0, 48_000.0), 0);
+        for time in [1e12, 1e30, f64::MAX, f64::INFINITY] {
+            assert_eq!(first_frame(time, 192_000.0), LAST_FRAME);
+        }
     }
 
     #[test]
@@ -225,6 +238,28 @@ mod tests {
                 assert_eq!(*out, f64::from(sample), "start {start} delay {delay}");
             }
             assert!(block[3000..].iter().all(|&out| out == 0.0));
+        }
+    }
+
+    #[test]
+    fn nearly_whole_samples_are_read_alike_in_every_block() {
+        let prototype = Prototype { samples: noise(3000), rate_hz: 48_000.0, looped: false };
+        let start_s = 1000.0 / 3.0;
+        let playback = Playback { start_s, speed: 1.0, offset_s: 0.0 };
+        // At the very threshold rounding takes some positions for whole ones and some not.
+        for part in [0.999_99, 1.0, 1.000_01] {
+            let delay_s = (5.0 / 3.0 + WHOLE_SAMPLE * part) / 48_000.0 - 2.0 / 3.0 / 48_000.0;
+            let segment = still(start_s, start_s + 0.05, delay_s, 1.0);
+            let first = first_frame(start_s, 48_000.0);
+            let mut whole = vec![0.0; 2000];
+            let window = &mut Vec::new();
+            add_segment(&prototype, &playback, &segment, 48_000.0, first, &mut whole, window);
+            for skip in [1usize, 50, 127, 500] {
+                let mut later = vec![0.0; 2000 - skip];
+                let at = first + skip as u64;
+                add_segment(&prototype, &playback, &segment, 48_000.0, at, &mut later, window);
+                assert!(later == whole[skip..]);
+            }
         }
     }
 

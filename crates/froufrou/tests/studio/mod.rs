@@ -1,0 +1,156 @@
+//! What the whole-program tests share: a folder to make recordings, scenes and scores in, and the
+//! way from those to samples in memory.
+#![allow(dead_code)] // Each test program uses a part of it.
+
+use std::path::{Path, PathBuf};
+
+use froufrou::Result;
+use froufrou::render::offline::{self, Extent};
+use froufrou::render::production::{ChannelLines, Production, Prototypes, open_score};
+use froufrou::scene::Scene;
+use froufrou::score::ChannelHeader;
+use froufrou::synth::mixer::{Begun, Mixer};
+use tempfile::TempDir;
+
+/// A folder that is gone when the test is over.
+pub struct Studio {
+    folder: TempDir,
+}
+
+/// What to render of a score or scene.
+#[derive(Debug, Clone, Copy)]
+pub struct Take {
+    pub rate_hz: u32,
+    pub from_s: f64,
+    pub to_s: Option<f64>,
+    pub cores: usize,
+}
+
+impl Take {
+    pub fn at(rate_hz: u32) -> Self {
+        Self { rate_hz, from_s: 0.0, to_s: None, cores: 2 }
+    }
+}
+
+/// Samples in memory.
+pub struct Sound {
+    pub rate_hz: f64,
+    pub channels: usize,
+    /// Interleaved.
+    pub mix: Vec<f32>,
+    /// Name and interleaved samples of each object, in the order in which they first sounded.
+    pub stems: Vec<(String, Vec<f32>)>,
+    pub begun: Vec<Begun>,
+    /// The most threads in memory at once.
+    pub most_threads: usize,
+}
+
+impl Sound {
+    pub fn frames(&self) -> usize {
+        self.mix.len() / self.channels
+    }
+
+    pub fn channel(&self, channel: usize) -> Vec<f64> {
+        self.mix.iter().skip(channel).step_by(self.channels).map(|&s| f64::from(s)).collect()
+    }
+
+    pub fn stem(&self, name: &str) -> &[f32] {
+        &self.stems.iter().find(|(stem, _)| stem == name).unwrap_or_else(|| panic!("no stem {name}")).1
+    }
+}
+
+impl Studio {
+    pub fn new() -> Self {
+        Self { folder: tempfile::tempdir().unwrap() }
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Writes a mono recording of 32-bit floats.
+    pub fn recording(&self, name: &str, rate_hz: u32, samples: &[f32]) {
+        write_wav(&self.path(name), rate_hz, 1, samples);
+    }
+
+    pub fn file(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.path(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, text).unwrap();
+        path
+    }
+
+    pub fn production(&self, scene: &str) -> Result<Production> {
+        Production::open(Scene::open(self.file("scene.toml", scene), false)?)
+    }
+
+    pub fn scene(&self, scene: &str, take: Take) -> Result<Sound> {
+        let production = self.production(scene)?;
+        let lines = production.channel_lines()?;
+        render(&production.channel_header(), production.prototypes.clone(), lines, take)
+    }
+
+    pub fn score(&self, score: &str, take: Take) -> Result<Sound> {
+        let (header, prototypes, lines) = open_score(&self.file("test.score", score))?;
+        render(&header, prototypes, lines, take)
+    }
+}
+
+pub fn write_wav(path: &Path, rate_hz: u32, channels: u16, interleaved: &[f32]) {
+    let (bits_per_sample, sample_format) = (32, hound::SampleFormat::Float);
+    let spec = hound::WavSpec { channels, sample_rate: rate_hz, bits_per_sample, sample_format };
+    let mut writer = hound::WavWriter::create(path, spec).unwrap();
+    interleaved.iter().for_each(|&sample| writer.write_sample(sample).unwrap());
+    writer.finalize().unwrap();
+}
+
+pub fn render(
+    header: &ChannelHeader,
+    prototypes: Prototypes,
+    lines: ChannelLines<'_>,
+    take: Take,
+) -> Result<Sound> {
+    let channels = header.receivers.len();
+    let Take { rate_hz, from_s, to_s, cores } = take;
+    let extent = Extent { rate_hz, from_s, to_s, duration_s: header.duration_s };
+    let mut mixer = Mixer::new(rate_hz, channels, prototypes, lines)?;
+    let mut sound = Sound {
+        rate_hz: f64::from(rate_hz),
+        channels,
+        mix: vec![],
+        stems: vec![],
+        begun: vec![],
+        most_threads: 0,
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(cores).build().unwrap();
+    pool.install(|| {
+        offline::render(&mut mixer, channels, &extent, true, |piece| {
+            let before = sound.mix.len();
+            sound.mix.extend(piece.mix);
+            sound.begun.extend(piece.begun.iter().cloned());
+            for object in &piece.objects[sound.stems.len()..] {
+                sound.stems.push((object.clone(), vec![0.0; before]));
+            }
+            for (object, samples) in piece.stems {
+                sound.stems[*object].1.extend(samples);
+            }
+            for (_, samples) in &mut sound.stems {
+                samples.resize(sound.mix.len(), 0.0);
+            }
+            Ok(())
+        })
+    })?;
+    Ok(sound)
+}
+
+/// A number in (−1, 1) for every index: white noise that is the same in every run.
+pub fn noise(length: usize, seed: u64) -> Vec<f32> {
+    let random = froufrou::random::Random::new(seed, 99);
+    (0..length as u64).map(|i| (random.uniform(i) * 2.0 - 1.0) as f32).collect()
+}
+
+/// A whole number of periods of a sine of amplitude 1 that begins at a phase, in turns.
+pub fn tone(rate_hz: u32, frequency_hz: f64, frames: usize, phase: f64) -> Vec<f32> {
+    let turns = |n: usize| frequency_hz * n as f64 / f64::from(rate_hz) + phase;
+    (0..frames).map(|n| (turns(n) * std::f64::consts::TAU).sin() as f32).collect()
+}
