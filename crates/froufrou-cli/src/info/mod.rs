@@ -23,6 +23,10 @@ const READABLE: &str = "scenes (.toml), Alembic archives (.abc), audio (WAV, RF6
 
 /// Tells what is in a file: a scene, an Alembic archive, audio, a score, events or a contact log.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  froufrou info shot.abc             its objects, frame rate and length
+  froufrou info out.wav --json       level and loudness, for a machine")]
 pub struct Info {
     /// The file; what it is is told by its content.
     file: PathBuf,

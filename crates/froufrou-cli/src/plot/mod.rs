@@ -31,6 +31,10 @@ const READABLE: &str = "audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), events (
 /// A sound is drawn as the waveform of every channel above a spectrogram, events by their impulse
 /// over time, a score by the threads of every object over time and, in object space, from above.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  froufrou plot out.wav -o picture.png
+  froufrou plot out.wav --events events.jsonl --from 1 --to 2 -o second.png")]
 pub struct Plot {
     /// An audio file, an event file or a score, told by its content.
     file: PathBuf,
