@@ -196,7 +196,7 @@ mod tests {
     #[test]
     fn logarithmic_ticks_thin_out() {
         assert_eq!(labels(&log_ticks(0.05, 1.0, 9)), ["0.05", "0.1", "0.2", "0.5", "1"]);
-        assert_eq!(labels(&log_ticks(1e-6, 1.0, 4)), ["1e−6", "1e−4", "0.01", "1"]);
+        assert_eq!(labels(&log_ticks(1e-6, 1.0, 4)), ["1e−6", "0.0001", "0.01", "1"]);
     }
 
     #[test]
