@@ -145,6 +145,22 @@ fn events_are_drawn_by_their_impulse() {
     good(&froufrou([Path::new("plot"), &file]));
 }
 
+#[test]
+fn extreme_events_are_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("events.jsonl");
+    for times in [[-1e308, 1e308], [0.0, 1e-300], [1e300, 1e300], [-5.0, -4.0], [0.0, 1e9]] {
+        for impulses in [[1e-308, 1e308], [0.0, -1.0], [5e-324, 5e-324]] {
+            let text =
+                impact(times[0], "", "\u{1F98A}", impulses[0]) + &impact(times[1], "a", "b", impulses[1]);
+            fs::write(&file, text).unwrap();
+            let output = froufrou([Path::new("plot"), &file]);
+            assert!(output.status.success(), "{times:?} {impulses:?} {}", message(&output));
+            Picture::open(&file.with_extension("png"));
+        }
+    }
+}
+
 const OBJECT_SCORE: &str = "froufrou-score 1 object\nduration 4\nmicrophone left cardioid at -1 0 0\n\
     microphone moving omni\nsound hum \"hum.wav\" loop\nsound hit \"hit.wav\"\nhear moving 0 at 0 1 2\n\
     hear moving 3 at 2 1 2\nstart 1 0 hum at -5 0 -1 object bee\nkey 1 2 at 0 0 -3 gain 0.2\n\
@@ -197,6 +213,9 @@ fn bad_input_is_told_and_leaves_no_picture() {
         assert!(message(&output).contains(expected), "{}", message(&output));
     }
     assert!(fs::read_dir(folder.path()).unwrap().all(|e| e.unwrap().path().extension().unwrap() != "png"));
+    let output = froufrou(["plot", &at("good.wav"), "-o", &at("good.wav")]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(message(&output).contains("would replace the file"), "{}", message(&output));
     // A folder that is not there.
     let output = froufrou(["plot", &at("good.wav"), "-o", &at("nowhere/a.png")]);
     assert_eq!(output.status.code(), Some(1));
