@@ -66,7 +66,7 @@ impl Findings for EventFindings {
     fn sheet(&self) -> Sheet {
         let mut sheet = Sheet::default();
         let range = |range: &Range| format!("{} to {}", number(range.from), number(range.to));
-        let kinds: Vec<String> = self.kinds.iter().map(|(kind, count)| format!("{count} {kind}")).collect();
+        let kinds: Vec<String> = self.kinds.iter().map(|(kind, count)| format!("{kind} {count}")).collect();
         sheet
             .fact("kind", "events")
             .fact("events", if kinds.is_empty() { "none".to_owned() } else { kinds.join(", ") })

@@ -33,7 +33,7 @@ impl Scale {
     pub fn place(&self, value: f64) -> f64 {
         match *self {
             Self::Linear { from, to } => (value - from) / (to - from),
-            Self::Logarithmic { from, to } => (value / from).ln() / (to / from).ln(),
+            Self::Logarithmic { from, to } => (value.ln() - from.ln()) / (to.ln() - from.ln()),
         }
     }
 
@@ -41,7 +41,7 @@ impl Scale {
     pub fn value(&self, place: f64) -> f64 {
         match *self {
             Self::Linear { from, to } => from + place * (to - from),
-            Self::Logarithmic { from, to } => from * (to / from).powf(place),
+            Self::Logarithmic { from, to } => (from.ln() + place * (to.ln() - from.ln())).exp(),
         }
     }
 }
@@ -68,9 +68,9 @@ fn round_step(least: f64) -> f64 {
 /// The multiples of a step within a range.
 fn multiples(from: f64, to: f64, step: f64) -> impl Iterator<Item = f64> {
     let first = (from / step - 1e-6).ceil();
-    let count = ((to / step + 1e-6).floor() - first).max(-1.0) as usize + 1;
-    // A range at 1e15 s with steps of 1 ms would otherwise never end.
-    (0..count.min(1000)).map(move |i| (first + i as f64) * step)
+    // Where numbers are so large that a step does not change them there is no end to steps.
+    let count = ((to / step + 1e-6).floor() - first + 1.0).clamp(0.0, 1000.0) as usize;
+    (0..count).map(move |i| (first + i as f64) * step)
 }
 
 /// Ticks at round numbers, at most `most` of them or a few more.
@@ -111,7 +111,8 @@ pub fn time_ticks(from_s: f64, to_s: f64, most: usize) -> (Vec<Tick>, &'static s
 /// The values 1, 2 and 5 times the powers of ten within a range above 0, or where these are more than
 /// `most`, the powers of ten, or only every second, third … of them.
 fn log_values(from: f64, to: f64, most: usize) -> Vec<f64> {
-    let (first, last) = (from.log10().floor() as i32, to.log10().ceil() as i32);
+    // No number has a power of ten beyond these.
+    let (first, last) = ((from.log10().floor() as i32).max(-324), (to.log10().ceil() as i32).min(308));
     let inside = |value: &f64| (from * 0.999_999..=to * 1.000_001).contains(value);
     let with = |factors: &[f64], every: i32| -> Vec<f64> {
         let powers = (first..=last).filter(|power| power.rem_euclid(every) == 0);
@@ -161,9 +162,13 @@ mod tests {
         assert_eq!(labels(&linear_ticks(-1.0, 1.0, 4)), ["−1.0", "−0.5", "0.0", "0.5", "1.0"]);
         assert_eq!(labels(&linear_ticks(37.2, 93.0, 6)), ["40", "50", "60", "70", "80", "90"]);
         assert_eq!(labels(&linear_ticks(-90.0, 0.0, 3)), ["−50", "0"]);
+        assert_eq!(linear_ticks(0.3, 0.4, 1).len(), 2);
+        assert_eq!(linear_ticks(0.31, 0.39, 1), []);
         // A span of nothing, and one beyond what steps can count, end all the same.
         assert!(linear_ticks(1.0, 1.0, 5).len() < 1001);
-        assert!(linear_ticks(1e18, 1e18 + 1024.0, 5).len() < 1001);
+        for (from, to) in [(1e18, 1e18 + 1024.0), (-1e308, 1e308), (0.0, f64::INFINITY), (1e300, 1e300)] {
+            assert!(linear_ticks(from, to, 5).len() < 1001 && time_ticks(from, to, 5).0.len() < 1001);
+        }
     }
 
     #[test]
@@ -196,7 +201,9 @@ mod tests {
     #[test]
     fn logarithmic_ticks_thin_out() {
         assert_eq!(labels(&log_ticks(0.05, 1.0, 9)), ["0.05", "0.1", "0.2", "0.5", "1"]);
-        assert_eq!(labels(&log_ticks(1e-6, 1.0, 4)), ["1e−6", "1e−4", "0.01", "1"]);
+        assert_eq!(labels(&log_ticks(1e-6, 1.0, 4)), ["1e−6", "0.0001", "0.01", "1"]);
+        assert!((1..=4).contains(&log_ticks(1e-308, 1e308, 4).len()));
+        assert!(log_ticks(5e-324, f64::INFINITY, 4).len() <= 4);
     }
 
     #[test]

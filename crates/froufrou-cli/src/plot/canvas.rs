@@ -184,6 +184,9 @@ impl Canvas {
 
     /// Draws a text by its baseline; control characters become spaces.
     pub fn text(&mut self, text: &str, x: f64, baseline: f64, lettering: &Lettering) {
+        if !(x.abs() < 1e6 && baseline.abs() < 1e6) {
+            return;
+        }
         let font = self.font.clone();
         let scaled = font.as_scaled(self.scale(lettering.size_px));
         let length = self.text_width_px(text, lettering.size_px);
@@ -331,6 +334,7 @@ mod tests {
         canvas.disc([500.0, -3.0], 4.0, [0; 3], 1.0);
         let letters = Lettering { size_px: 30.0, colour: [0; 3], anchor: Anchor::Middle, upwards: true };
         canvas.text("far out", 0.0, 200.0, &letters);
+        canvas.text("nowhere", f64::NAN, f64::INFINITY, &letters);
         assert_eq!(canvas.pixel(5, 5), [0; 3]);
         assert_eq!(canvas.pixel(0, 9), [255; 3]);
         Ok(())

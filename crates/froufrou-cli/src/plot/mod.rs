@@ -86,6 +86,11 @@ impl Plot {
                 .help("leave out --events"));
         }
         let output = self.output.unwrap_or_else(|| self.file.with_extension("png"));
+        // A slip of the pen must not cost a recording.
+        let same = |other: &Path| std::fs::canonicalize(other).ok() == std::fs::canonicalize(&self.file).ok();
+        if output.exists() && same(&output) {
+            return Err(Error::new("the picture would replace the file that it is of").in_file(&output));
+        }
         let canvas = match kind {
             FileKind::Recording(_) => {
                 let recording = Recording::open(&self.file)?;

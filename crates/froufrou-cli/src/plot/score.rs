@@ -68,7 +68,7 @@ pub fn draw(file: &Path, title: &str, asked: Span, size: PictureSize) -> Result<
     }
 
     let mut marked = vec![false; survey.bands.len()];
-    let mut microphones: Vec<([f64; 2], String)> = Vec::new();
+    let mut microphones: Vec<Label> = Vec::new();
     let mut heard: Vec<bool> = vec![false; facts.receivers.len()];
     walk(file, &mut |seen| match seen {
         Seen::Piece(piece) => {
@@ -96,7 +96,12 @@ pub fn draw(file: &Path, title: &str, asked: Span, size: PictureSize) -> Result<
             {
                 *heard = true;
                 view.microphone(&mut sheet, &step);
-                microphones.push((view.place(step.to.position_m), facts.receivers[step.index].clone()));
+                let [x, y, z] = step.to.facing;
+                microphones.push(Label {
+                    place: view.place(step.to.position_m),
+                    names: facts.receivers[step.index].clone(),
+                    faces_down: z > 0.3 * x.hypot(y).hypot(z),
+                });
             }
         }
         Seen::Thread { .. } => {}
@@ -244,6 +249,14 @@ fn label_bands(sheet: &mut Sheet, area: Rectangle, bands: &[Band], rows: &Rows, 
     }
 }
 
+/// What stands below microphones.
+struct Label {
+    place: [f64; 2],
+    names: String,
+    /// Whether one of them faces to where the label would stand.
+    faces_down: bool,
+}
+
 /// The world from above: x to the right, z towards the reader.
 struct TopView {
     area: Rectangle,
@@ -276,7 +289,7 @@ impl TopView {
     }
 
     fn ticks(&self, sheet: &Sheet) -> [Vec<super::axis::Tick>; 2] {
-        let most = sheet.most_across(self.area).max(2);
+        let most = (self.area.width() / (64.0 * sheet.unit_px)).max(2.0) as usize;
         let x = linear_ticks(self.x.value(0.0), self.x.value(1.0), most);
         let step = match x.as_slice() {
             [a, b, ..] => b.value - a.value,
@@ -318,7 +331,7 @@ impl TopView {
         sheet.canvas.disc(place, 6.0 * unit, INK, 1.0);
     }
 
-    fn finish(&self, sheet: &mut Sheet, microphones: Vec<([f64; 2], String)>) {
+    fn finish(&self, sheet: &mut Sheet, microphones: Vec<Label>) {
         let [x, z] = self.ticks(sheet);
         let unit = sheet.unit_px;
         sheet.frame(self.area);
@@ -326,24 +339,29 @@ impl TopView {
         sheet.side_axis(self.area, self.z, &z, false);
         sheet.side_name(self.area, "z (m)", self.area.left - 92.0 * unit);
         // Microphones at one place share a label.
-        let mut labels: Vec<([f64; 2], String)> = Vec::new();
-        for (place, name) in microphones {
-            let near = |(other, _): &&mut ([f64; 2], String)| {
-                (other[0] - place[0]).hypot(other[1] - place[1]) < 24.0 * unit
+        let mut labels: Vec<Label> = Vec::new();
+        for Label { place, names, faces_down } in microphones {
+            let near = |other: &&mut Label| {
+                (other.place[0] - place[0]).hypot(other.place[1] - place[1]) < 24.0 * unit
             };
             match labels.iter_mut().find(near) {
-                Some((_, names)) if names.len() < 200 => *names = format!("{names}, {name}"),
-                Some(_) => {}
-                None => labels.push((place, name)),
+                Some(label) => {
+                    label.faces_down |= faces_down;
+                    // What is longer is cut off anyway.
+                    if label.names.len() < 200 {
+                        label.names = format!("{}, {names}", label.names);
+                    }
+                }
+                None => labels.push(Label { place, names, faces_down }),
             }
         }
-        for (place, names) in labels {
+        for Label { place, names, faces_down } in labels {
             let letters = sheet.letters_px();
             let names = sheet.canvas.fitted(&names, letters, 0.6 * self.area.width());
             let width = sheet.canvas.text_width_px(&names, letters);
             let half = width / 2.0 + 6.0 * unit;
             let middle = place[0].max(self.area.left + half).min(self.area.right - half);
-            let below = place[1] + 52.0 * unit;
+            let below = place[1] + if faces_down { 52.0 } else { 30.0 } * unit;
             let baseline = if below < self.area.bottom { below } else { place[1] - 36.0 * unit };
             sheet.text(&names, middle, baseline, Anchor::Middle, INK);
         }

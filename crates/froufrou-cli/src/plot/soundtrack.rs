@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use froufrou::Result;
 
-use super::axis::{Scale, frequency_ticks, linear_ticks, number, time_ticks};
+use super::axis::{Scale, Tick, frequency_ticks, linear_ticks, number, time_ticks};
 use super::canvas::{Anchor, Canvas, Lettering, Rectangle};
 use super::colour::{GREY, GRID, MARK, WAVE, WAVE_CORE, of_level};
 use super::envelope;
@@ -91,7 +91,11 @@ impl Soundtrack<'_> {
         }
         if let (Some(last), Some(picture)) = (panels.last(), pictures.first()) {
             sheet.lower_axis(*last, time, &ticks, &format!("time ({unit})"));
-            let window = format!("Hann window {} ms", number(picture.window_s * 1e3, 1.0));
+            let window = format!(
+                "waveforms to ±{} · Hann window {} ms",
+                half_tick(peak, peak).label,
+                number(picture.window_s * 1e3, 1.0)
+            );
             let baseline = last.bottom + 60.0 * sheet.unit_px;
             sheet.text(&window, last.left, baseline, Anchor::Start, GREY);
         }
@@ -140,11 +144,11 @@ impl Soundtrack<'_> {
         let scale = Scale::Linear { from: -peak, to: peak };
         let letters = sheet.letters_px();
         if area.height() > 2.5 * letters {
-            // The labels at the edges of two neighbours would touch.
-            let most = if area.height() > 6.0 * letters { 4 } else { 2 };
-            let mut ticks = linear_ticks(-peak, peak, most);
-            let room = 1.0 - 0.6 * letters / area.height();
-            ticks.retain(|tick| self.channels.len() == 1 || tick.value.abs() <= room * peak);
+            let ticks = match self.channels.len() {
+                1 => linear_ticks(-peak, peak, 4),
+                // The labels at the edges of two neighbours would touch.
+                _ => [-0.5, 0.0, 0.5].map(|part| half_tick(part * peak, peak)).into(),
+            };
             sheet.side_axis(area, scale, &ticks, false);
         }
         if area.height() >= letters
@@ -179,9 +183,10 @@ impl Soundtrack<'_> {
                 continue;
             }
             last_x = x;
-            let half = 0.6 * unit;
-            let tick =
-                Rectangle { left: x - half, right: x + half, top: wave.top - 9.0 * unit, bottom: wave.top };
+            // In whole pixels, so that it is sharp.
+            let left = (x - 0.6 * unit).round();
+            let right = left + (1.2 * unit).round().max(1.0);
+            let tick = Rectangle { left, right, top: wave.top - 9.0 * unit, bottom: wave.top };
             sheet.canvas.fill(tick, MARK, 1.0);
             sheet.canvas.fill(Rectangle { top: wave.top, bottom: wave.bottom, ..tick }, MARK, opacity);
             let foot = Rectangle { top: below.top - 6.0 * unit, bottom: below.top - 1.0 * unit, ..tick };
@@ -192,11 +197,18 @@ impl Soundtrack<'_> {
                 .map_or(wave.right + 100.0 * unit, |(place, _)| wave.left + place * wave.width());
             let width = sheet.canvas.text_width_px(label, letters.size_px);
             if x >= free_from && x + width + 6.0 * unit <= next.max(x + 60.0 * unit) {
-                sheet.canvas.text(label, x - half, wave.top - 15.0 * unit, &letters);
+                sheet.canvas.text(label, left, wave.top - 15.0 * unit, &letters);
                 free_from = x + width + 14.0 * unit;
             }
         }
     }
+}
+
+/// A tick at half of a round number or at 0.
+fn half_tick(value: f64, peak: f64) -> Tick {
+    let label = number(value, peak / 100.0);
+    let label = label.trim_end_matches('0').trim_end_matches('.');
+    Tick { value, label: if label.is_empty() { "0" } else { label }.to_owned() }
 }
 
 /// Rows of equal height in whole pixels, with gaps between them.

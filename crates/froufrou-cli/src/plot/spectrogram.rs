@@ -131,8 +131,8 @@ impl Spectrogram {
     /// Computes the picture of a range of samples.
     ///
     /// A column shows the loudest of the spectra that lie in it, so that a click is seen in an hour.
-    /// The window goes with the width of a column: 45 ms for what is short, to 170 ms for what is
-    /// long. Memory goes with the columns and rows, not with the sound.
+    /// The window goes with the width of a column: 45 ms, less for what is shorter than half a second, to
+    /// 170 ms for what is long. Memory goes with the columns and rows, not with the sound.
     pub fn new(
         sound: &Mix,
         rate_hz: u32,
@@ -143,7 +143,8 @@ impl Spectrogram {
     ) -> Self {
         let rate = f64::from(rate_hz);
         let samples_per_column = range.len() as f64 / columns.max(1) as f64;
-        let window_s = (4.0 * samples_per_column / rate).clamp(0.045, 0.17);
+        let shortest_s = (range.len() as f64 / rate / 12.0).clamp(0.004, 0.045);
+        let window_s = (4.0 * samples_per_column / rate).clamp(shortest_s, 0.17);
         // The power of two that is nearest by ratio.
         let length = 1usize << (window_s * rate).max(16.0).log2().round() as u32;
         let stft = Stft::new(length);
