@@ -94,7 +94,9 @@ fn the_tower_sounds_where_its_boxes_go() {
     assert!(boxes >= 6 && counts["Ball"] >= 5 && counts["Ground"] == 1 && counts["Ramp"] == 1, "{counts:?}");
     let low: Vec<f64> = starts(&production)
         .iter()
-        .filter(|(_, start, _)| start.cause.starts_with("Box0 struck") || start.cause.starts_with("Box1 struck"))
+        .filter(|(_, start, _)| {
+            start.cause.starts_with("Box0 struck") || start.cause.starts_with("Box1 struck")
+        })
         .map(|(time_s, ..)| *time_s)
         .collect();
     assert!(low.len() >= 2 && low.iter().all(|t| (1.37..1.42).contains(t)), "{low:?}");
