@@ -2,8 +2,11 @@
 
 mod demo;
 mod events;
+mod file_kind;
 mod files;
+mod info;
 mod mix;
+mod plot;
 mod progress;
 mod render;
 mod score;
@@ -37,6 +40,8 @@ enum Command {
     Events(events::Events),
     Score(score::Score),
     Mix(mix::Mix),
+    Info(info::Info),
+    Plot(plot::Plot),
 }
 
 fn main() -> ExitCode {
@@ -46,6 +51,8 @@ fn main() -> ExitCode {
         Command::Events(command) => command.run(),
         Command::Score(command) => command.run(),
         Command::Mix(command) => command.run(),
+        Command::Info(command) => command.run(),
+        Command::Plot(command) => command.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

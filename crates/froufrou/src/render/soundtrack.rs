@@ -92,6 +92,10 @@ pub fn write<L: Iterator<Item = Result<ChannelLine>>>(
         Ok(())
     })?;
     let mut report = meter.finish();
+    if report.frames == 0 && extent.from_s > 0.0 {
+        return Err(Error::new(format!("the soundtrack is over before {} s", extent.from_s))
+            .help("begin earlier, or give the scene a longer `duration`"));
+    }
     let mut gain_db = output.gain_db;
     let mut gain = 1.0;
     if let (Some(target), Some(peak)) = (output.normalize_dbtp, report.true_peak_dbtp) {

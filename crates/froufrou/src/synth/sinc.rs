@@ -43,7 +43,7 @@ const OCTAVES: usize = 6;
 
 /// Index of the first table of an octave: 512 + 256 + … before it.
 const fn first_table(octave: usize) -> usize {
-    2 * (TABLES_PER_OCTAVE - TABLES_PER_OCTAVE / (1 << octave))
+    2 * TABLES_PER_OCTAVE - ((2 * TABLES_PER_OCTAVE) >> octave)
 }
 
 /// Where the pass band must end at the earliest, as a part of the lower Nyquist frequency.

@@ -1,0 +1,107 @@
+//! `froufrou info`: what is in any file that froufrou reads.
+
+mod alembic;
+mod contact_log;
+mod events;
+mod recording;
+mod scene;
+mod score;
+mod sheet;
+
+use std::io::{ErrorKind, Write};
+use std::path::PathBuf;
+
+use froufrou::{Error, Result};
+use serde::Serialize;
+
+use self::sheet::Sheet;
+use crate::file_kind::FileKind;
+
+/// What is read.
+const READABLE: &str = "scenes (.toml), Alembic archives (.abc), audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, \
+                        MP3), scores, events (.jsonl) and contact logs (.csv, .csv.gz)";
+
+/// Tells what is in a file: a scene, an Alembic archive, audio, a score, events or a contact log.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  froufrou info shot.abc             its objects, frame rate and length
+  froufrou info out.wav --json       level and loudness, for a machine")]
+pub struct Info {
+    /// The file; what it is is told by its content.
+    file: PathBuf,
+    /// Writes one JSON object, for programs to read.
+    #[arg(long)]
+    json: bool,
+    /// Lets a scene use files outside of its folder.
+    #[arg(long)]
+    allow_outside: bool,
+}
+
+/// What was found in a file: as it is serialised, for programs; as a sheet, for people.
+trait Findings: Serialize {
+    /// The word for this kind of file in the JSON.
+    const KIND: &'static str;
+
+    /// What people are told.
+    fn sheet(&self) -> Sheet;
+}
+
+#[derive(Serialize)]
+struct Labelled<'a, F> {
+    file: String,
+    kind: &'static str,
+    #[serde(flatten)]
+    findings: &'a F,
+}
+
+/// The first and the last of some values.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+struct Range {
+    from: f64,
+    to: f64,
+}
+
+impl Range {
+    /// Makes a range wide enough for a value.
+    fn widen(range: &mut Option<Range>, value: f64) {
+        let Range { from, to } = range.unwrap_or(Range { from: value, to: value });
+        *range = Some(Range { from: from.min(value), to: to.max(value) });
+    }
+}
+
+impl Info {
+    /// Reads the file and writes to the standard output what is in it.
+    ///
+    /// # Errors
+    /// A file that cannot be read or has a fault.
+    pub fn run(self) -> Result<()> {
+        let file = self.file.as_path();
+        match FileKind::of(file, READABLE)? {
+            FileKind::Scene => self.tell(&scene::read(file, self.allow_outside)?),
+            FileKind::Alembic => self.tell(&alembic::read(file)?),
+            FileKind::Recording(format) => self.tell(&recording::read(file, format)?),
+            FileKind::Score => self.tell(&score::read(file)?),
+            FileKind::Events => self.tell(&events::read(file)?),
+            FileKind::ContactLog => self.tell(&contact_log::read(file)?),
+        }
+    }
+
+    fn tell<F: Findings>(&self, findings: &F) -> Result<()> {
+        let text = if self.json {
+            let file = self.file.to_string_lossy().into_owned();
+            let labelled = Labelled { file, kind: F::KIND, findings };
+            let json = serde_json::to_string_pretty(&labelled);
+            json.map_err(|fault| Error::new(format!("cannot write JSON: {fault}")).because(fault))? + "\n"
+        } else {
+            findings.sheet().to_string()
+        };
+        match std::io::stdout().lock().write_all(text.as_bytes()) {
+            // Who reads may stop when enough is read.
+            Err(fault) if fault.kind() != ErrorKind::BrokenPipe => {
+                Err(Error::new(format!("cannot write to the standard output: {fault}")).because(fault))
+            }
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,200 @@
+//! What is in a score: its space and order, who hears it, what it plays and for whom.
+
+use std::collections::BTreeMap;
+use std::io::BufRead;
+use std::path::Path;
+
+use froufrou::Result;
+use froufrou::score::{
+    AnyReader, AnySpace, Arrival, ObjectLine, Order, Reader, Repeat, Space, Start, Statement, Verb,
+};
+use serde::Serialize;
+
+use super::sheet::{Sheet, number, position};
+use super::{Findings, Range};
+
+#[derive(Serialize)]
+pub struct ScoreFindings {
+    space: &'static str,
+    order: &'static str,
+    speed_of_sound_mps: f64,
+    duration_s: Option<f64>,
+    microphones: Vec<Receiver>,
+    channels: Vec<String>,
+    sounds: Vec<SoundFindings>,
+    threads: u64,
+    lines: u64,
+    microphone_lines: u64,
+    times_s: Option<Range>,
+    gains: Option<Range>,
+    objects: Vec<ObjectFindings>,
+    threads_without_object: u64,
+}
+
+#[derive(Serialize)]
+struct Receiver {
+    name: String,
+    c: f64,
+    k: f64,
+    /// Where it stands, if it never moves.
+    position_m: Option<[f64; 3]>,
+}
+
+#[derive(Serialize)]
+struct SoundFindings {
+    name: String,
+    recording: String,
+    repeat: &'static str,
+    channel: Option<usize>,
+    threads: u64,
+}
+
+#[derive(Serialize)]
+struct ObjectFindings {
+    name: String,
+    threads: u64,
+}
+
+/// Reads a score line by line, in the memory of its header, its objects and what sounds at a time.
+pub fn read(file: &Path) -> Result<ScoreFindings> {
+    match AnyReader::open(file)? {
+        AnySpace::Object(reader) => {
+            let receivers = reader.header().receivers.iter().map(|microphone| Receiver {
+                name: microphone.name.clone(),
+                c: microphone.shape.c,
+                k: microphone.shape.k,
+                position_m: microphone.fixed.map(|pose| pose.position_m),
+            });
+            let microphones = receivers.collect();
+            let found = count(reader, |line| match line {
+                ObjectLine::Thread(Statement { time_s, verb, value, .. }) => {
+                    (time_s, Some((verb, vec![value.gain])))
+                }
+                ObjectLine::Microphone(key) => (key.time_s, None),
+            })?;
+            Ok(ScoreFindings { microphones, ..found })
+        }
+        AnySpace::Channel(reader) => {
+            let channels = reader.header().receivers.clone();
+            let found = count(reader, |line| {
+                let gains = line.value.iter().map(|Arrival { gain, .. }| *gain).collect();
+                (line.time_s, Some((line.verb, gains)))
+            })?;
+            Ok(ScoreFindings { channels, ..found })
+        }
+    }
+}
+
+fn count<S: Space, R: BufRead>(
+    reader: Reader<S, R>,
+    parts: impl Fn(S::Line) -> (f64, Option<(Verb, Vec<f64>)>),
+) -> Result<ScoreFindings> {
+    let header = reader.header();
+    let mut found = ScoreFindings {
+        space: S::NAME,
+        order: match header.order {
+            Order::Time => "time",
+            Order::Thread => "thread",
+            Order::Free => "free",
+        },
+        speed_of_sound_mps: header.speed_of_sound_mps,
+        duration_s: header.duration_s,
+        microphones: Vec::new(),
+        channels: Vec::new(),
+        sounds: Vec::new(),
+        threads: 0,
+        lines: 0,
+        microphone_lines: 0,
+        times_s: None,
+        gains: None,
+        objects: Vec::new(),
+        threads_without_object: 0,
+    };
+    let sounds = header.sounds.clone();
+    let mut played: BTreeMap<String, u64> = BTreeMap::new();
+    let mut objects: BTreeMap<String, u64> = BTreeMap::new();
+    for line in reader {
+        found.lines += 1;
+        let (time_s, thread) = parts(line?);
+        Range::widen(&mut found.times_s, time_s);
+        let Some((verb, gains)) = thread else {
+            found.microphone_lines += 1;
+            continue;
+        };
+        gains.into_iter().for_each(|gain| Range::widen(&mut found.gains, gain));
+        if let Verb::Start(Start { sound, object, .. }) = verb {
+            found.threads += 1;
+            *played.entry(sound).or_default() += 1;
+            if object.is_empty() {
+                found.threads_without_object += 1;
+            } else {
+                *objects.entry(object).or_default() += 1;
+            }
+        }
+    }
+    let sounds = sounds.into_iter().map(|sound| SoundFindings {
+        threads: played.get(&sound.name).copied().unwrap_or(0),
+        name: sound.name,
+        recording: sound.recording,
+        repeat: match sound.repeat {
+            Repeat::Once => "once",
+            Repeat::Loop => "loop",
+            Repeat::ExactLoop => "loop exact",
+        },
+        channel: sound.channel,
+    });
+    found.sounds = sounds.collect();
+    found.objects = objects.into_iter().map(|(name, threads)| ObjectFindings { name, threads }).collect();
+    Ok(found)
+}
+
+impl Findings for ScoreFindings {
+    const KIND: &'static str = "score";
+
+    fn sheet(&self) -> Sheet {
+        let mut sheet = Sheet::default();
+        let range = |range: &Range| format!("{} to {}", number(range.from), number(range.to));
+        sheet
+            .fact("kind", format!("score in {} space", self.space))
+            .fact("order", self.order)
+            .fact_if("duration", self.duration_s.map(|s| format!("{} s", number(s))))
+            .fact("speed of sound", format!("{} m/s", number(self.speed_of_sound_mps)))
+            .fact("threads", self.threads)
+            .fact("lines", format!("{}, {} of them of microphones", self.lines, self.microphone_lines))
+            .fact_if("times", self.times_s.as_ref().map(|r| format!("{} s", range(r))))
+            .fact_if("gains", self.gains.as_ref().map(range));
+        if !self.channels.is_empty() {
+            sheet.fact("channels", self.channels.join(", "));
+        }
+        let microphones = self.microphones.iter().map(|microphone| {
+            let place = microphone.position_m.map_or_else(|| "as its lines say".to_owned(), position);
+            vec![microphone.name.clone(), shape(microphone.c, microphone.k), place]
+        });
+        sheet.table(&["microphone", "shape", "position (m)"], microphones);
+        let sounds = self.sounds.iter().map(|sound| {
+            let channel = sound.channel.map_or_else(|| "all".to_owned(), |channel| channel.to_string());
+            vec![
+                sound.name.clone(),
+                sound.recording.clone(),
+                sound.repeat.to_owned(),
+                channel,
+                sound.threads.to_string(),
+            ]
+        });
+        sheet.table(&["sound", "recording", "plays", "channel", "threads"], sounds);
+        let objects = self.objects.iter().map(|object| (object.name.clone(), object.threads));
+        let without = Some(("(none)".to_owned(), self.threads_without_object)).filter(|(_, n)| *n > 0);
+        let objects = objects.chain(without).map(|(name, threads)| vec![name, threads.to_string()]);
+        sheet.table(&["object", "threads"], objects);
+        sheet
+    }
+}
+
+/// The shape of a microphone in the words of the score.
+pub fn shape(c: f64, k: f64) -> String {
+    match (c, k) {
+        (_, 0.0) => "omni".to_owned(),
+        (0.0, 1.0) => "cardioid".to_owned(),
+        _ => format!("shape {} {}", number(c), number(k)),
+    }
+}
