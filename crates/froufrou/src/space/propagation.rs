@@ -147,6 +147,8 @@ struct Waiting {
     lines: VecDeque<Statement<Placement>>,
     /// Time and place of the last line read.
     last: (f64, [f64; 3]),
+    /// True once that line is the end.
+    ended: bool,
 }
 
 impl<L: Iterator<Item = Result<ObjectLine>>> Inbox<L> {
@@ -191,7 +193,7 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Inbox<L> {
         let (id, here) = (line.thread, (line.time_s, line.value.position_m));
         if matches!(line.verb, Verb::Start(_)) {
             self.begun.push((line.time_s, id));
-            self.waiting.insert(id, Waiting { lines: VecDeque::from([line]), last: here });
+            self.waiting.insert(id, Waiting { lines: VecDeque::from([line]), last: here, ended: false });
             return Ok(());
         }
         let Some(waiting) = self.waiting.get_mut(&id) else {
@@ -206,13 +208,15 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Inbox<L> {
             line.verb = Verb::Jump;
         }
         waiting.last = here;
+        waiting.ended = line.verb == Verb::End;
         waiting.lines.push_back(line);
         Ok(())
     }
 
     /// The line of a thread that comes `ahead` lines after the one last passed, read if need be.
     fn ahead(&mut self, id: u64, ahead: usize) -> Result<Option<&Statement<Placement>>> {
-        while self.waiting.get(&id).is_some_and(|w| w.lines.len() <= ahead) && self.read()? {}
+        // Behind an end there is nothing: to look for it would be to read the whole score.
+        while self.waiting.get(&id).is_some_and(|w| w.lines.len() <= ahead && !w.ended) && self.read()? {}
         Ok(self.waiting.get(&id).and_then(|w| w.lines.get(ahead)))
     }
 
