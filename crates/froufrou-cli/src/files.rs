@@ -1,15 +1,14 @@
 //! Files that are seen only when they are whole.
 
 use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use froufrou::{Error, Result};
-use tempfile::NamedTempFile;
+use froufrou::{Error, Result, WholeFile};
 
-/// A file that is written beside its place and put there at the end; `-` is standard output.
+/// A file that is seen when it is whole; `-` is standard output.
 pub enum Output {
-    /// On its way to a place.
-    File(BufWriter<NamedTempFile>, PathBuf),
+    /// On its way to its place.
+    File(BufWriter<WholeFile>),
     /// Standard output.
     Standard(BufWriter<std::io::Stdout>),
 }
@@ -20,26 +19,17 @@ impl Output {
         if path == Path::new("-") {
             return Ok(Self::Standard(BufWriter::new(std::io::stdout())));
         }
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let file = NamedTempFile::new_in(folder).map_err(|fault| Error::io("write", path, fault))?;
-        Ok(Self::File(BufWriter::new(file), path.to_owned()))
+        Ok(Self::File(BufWriter::new(WholeFile::create(path)?)))
     }
 
     /// Puts the file in its place.
     pub fn finish(self) -> Result<()> {
         match self {
             Self::Standard(mut output) => output.flush().map_err(|fault| Error::io("write", "-", fault)),
-            Self::File(output, path) => {
-                let fail = |fault| Error::io("write", &path, fault);
-                let file = output.into_inner().map_err(|fault| fail(fault.into_error()))?;
-                #[cfg(unix)]
-                {
-                    use std::os::unix::fs::PermissionsExt;
-                    // As any new file; a temporary one is for its owner alone.
-                    file.as_file().set_permissions(std::fs::Permissions::from_mode(0o644)).map_err(fail)?;
-                }
-                file.persist(&path).map_err(|fault| fail(fault.error))?;
-                Ok(())
+            Self::File(output) => {
+                let path = output.get_ref().path().to_owned();
+                let file = output.into_inner();
+                file.map_err(|fault| Error::io("write", path, fault.into_error()))?.finish()
             }
         }
     }
@@ -48,14 +38,14 @@ impl Output {
 impl Write for Output {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         match self {
-            Self::File(output, _) => output.write(bytes),
+            Self::File(output) => output.write(bytes),
             Self::Standard(output) => output.write(bytes),
         }
     }
 
     fn flush(&mut self) -> std::io::Result<()> {
         match self {
-            Self::File(output, _) => output.flush(),
+            Self::File(output) => output.flush(),
             Self::Standard(output) => output.flush(),
         }
     }

@@ -19,5 +19,7 @@ pub mod scene;
 pub mod score;
 pub mod space;
 pub mod synth;
+mod whole_file;
 
 pub use error::{Error, Place, Result};
+pub use whole_file::WholeFile;

@@ -257,7 +257,8 @@ fn files_are_written_read_and_named_in_errors() {
     for line in &document.lines {
         writer.write(&line.line).unwrap();
     }
-    writer.finish().unwrap();
+    assert!(!path.exists(), "a file appears when it is whole");
+    writer.save().unwrap();
     let AnySpace::Object(reader) = AnyReader::open(&path).unwrap() else { panic!("it is in object space") };
     let lines: Vec<ObjectLine> = reader.collect::<froufrou::Result<_>>().unwrap();
     assert!(document.lines.iter().map(|noted| &noted.line).eq(&lines));

@@ -1,10 +1,10 @@
 //! A picture in memory: smooth shapes, text, and the PNG file of it.
 
 use std::io::BufWriter;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use ab_glyph::{Font, FontRef, ScaleFont, point};
-use froufrou::{Error, Result};
+use froufrou::{Error, Result, WholeFile};
 
 use super::colour::Colour;
 
@@ -264,31 +264,17 @@ impl Canvas {
     /// # Errors
     /// Where the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<()> {
-        let folder = match path.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
-            _ => PathBuf::from("."),
-        };
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".froufrou-").suffix(".png");
-        #[cfg(unix)]
-        {
-            // As any new file; a temporary one is its owner's alone.
-            use std::os::unix::fs::PermissionsExt;
-            builder.permissions(std::fs::Permissions::from_mode(0o666));
-        }
-        let file = builder.tempfile_in(folder).map_err(|fault| Error::io("create", path, fault))?;
+        let file = WholeFile::create(path)?;
         let failed =
             |fault| Error::new(format!("cannot write the picture: {fault}")).in_file(path).because(fault);
         let (width, height) = (self.width as u32, self.height as u32);
-        let mut encoder = png::Encoder::new(BufWriter::new(file.as_file()), width, height);
+        let mut encoder = png::Encoder::new(BufWriter::new(file.handle()?), width, height);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         let mut writer = encoder.write_header().map_err(failed)?;
         writer.write_image_data(self.pixels.as_flattened()).map_err(failed)?;
         writer.finish().map_err(failed)?;
-        file.as_file().sync_all().map_err(|fault| Error::io("write", path, fault))?;
-        file.persist(path).map_err(|fault| Error::io("write", path, fault.error))?;
-        Ok(())
+        file.finish()
     }
 }
 

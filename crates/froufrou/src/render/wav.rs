@@ -9,8 +9,7 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use tempfile::NamedTempFile;
-
+use crate::WholeFile;
 use crate::error::{Error, Result};
 use crate::random::Random;
 
@@ -137,7 +136,7 @@ pub struct WavWriter {
     path: PathBuf,
     format: WavFormat,
     dither: Vec<Random>,
-    file: NamedTempFile,
+    file: WholeFile,
     writer: hound::WavWriter<BufWriter<File>>,
     written: Written,
 }
@@ -164,21 +163,8 @@ impl WavWriter {
                 Error::new(format!("a WAV file cannot have a rate of {} Hz", format.rate_hz)).in_file(path)
             );
         }
-        let destination = destination(path)?;
-        let folder = match destination.parent() {
-            Some(folder) if folder != Path::new("") => folder,
-            _ => Path::new("."),
-        };
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".froufrou-").suffix(".wav");
-        #[cfg(unix)]
-        {
-            // As any new file; a temporary one is its owner's alone.
-            use std::os::unix::fs::PermissionsExt;
-            builder.permissions(std::fs::Permissions::from_mode(0o666));
-        }
-        let file = builder.tempfile_in(folder).map_err(|e| Error::io("create", path, e))?;
-        let handle = file.as_file().try_clone().map_err(|e| Error::io("create", path, e))?;
+        let file = WholeFile::create(path)?;
+        let handle = file.handle()?;
         let spec = hound::WavSpec {
             channels: format.channels as u16,
             sample_rate: format.rate_hz,
@@ -192,7 +178,7 @@ impl WavWriter {
             .map_err(|e| failed(path, e))?;
         let dither = (0..format.channels as u64).map(|channel| Random::new(format.seed, channel)).collect();
         let written = Written { frames: 0, clipped: 0, not_a_number: 0 };
-        Ok(Self { path: destination, format, dither, file, writer, written })
+        Ok(Self { path: path.to_owned(), format, dither, file, writer, written })
     }
 
     /// Writes the next frames, their channels interleaved.
@@ -242,31 +228,13 @@ impl WavWriter {
     pub fn finish(self) -> Result<Written> {
         let Self { path, file, writer, written, .. } = self;
         writer.finalize().map_err(|e| failed(&path, e))?;
-        // Before the name: else a power cut could leave the name without the content.
-        file.as_file().sync_all().map_err(|e| Error::io("write", &path, e))?;
-        file.persist(&path).map_err(|e| Error::io("write", &path, e.error))?;
+        file.finish()?;
         Ok(written)
     }
 
     /// What has been written so far.
     pub fn written(&self) -> Written {
         self.written
-    }
-}
-
-/// Where the file is to lie: behind a symbolic link, if the name is one, so that the link stays.
-fn destination(path: &Path) -> Result<PathBuf> {
-    match std::fs::metadata(path) {
-        Ok(metadata) if metadata.is_file() => path.canonicalize().map_err(|e| Error::io("open", path, e)),
-        Ok(metadata) if metadata.is_dir() => {
-            Err(Error::new("expected the name of a WAV file to write, found a folder").in_file(path))
-        }
-        Ok(_) => {
-            Err(Error::new("expected the name of a WAV file to write, found a pipe or a device")
-                .in_file(path))
-        }
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(path.to_path_buf()),
-        Err(error) => Err(Error::io("open", path, error)),
     }
 }
 

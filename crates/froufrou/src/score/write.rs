@@ -1,7 +1,6 @@
 //! Writing a score: the header, then its lines one by one, each complete in itself.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -11,7 +10,7 @@ use super::rules::{Fault, Rules, Step};
 use super::space::{ChannelSpace, LineRef, ObjectSpace, Space};
 use super::syntax::{header_lines, push_line};
 use super::{Header, Verb};
-use crate::{Error, Result};
+use crate::{Error, Result, WholeFile};
 
 /// Writes a score line by line, in its canonical form.
 ///
@@ -78,15 +77,25 @@ pub type ObjectWriter<W> = Writer<ObjectSpace, W>;
 /// Writes a score in channel space.
 pub type ChannelWriter<W> = Writer<ChannelSpace, W>;
 
-impl<S: Space> Writer<S, BufWriter<File>> {
-    /// Creates a file and writes the header; errors will name the file.
+impl<S: Space> Writer<S, BufWriter<WholeFile>> {
+    /// Begins a file, which appears with [`Writer::save`], and writes the header; errors will name it.
     ///
     /// # Errors
     /// Where the file cannot be written or the header breaks a rule of the score.
     pub fn create(path: impl AsRef<Path>, header: &Header<S::Receiver>) -> Result<Self> {
         let path = path.as_ref();
-        let file = File::create(path).map_err(|error| Error::io("create", path, error))?;
+        let file = WholeFile::create(path)?;
         Self::begin(BufWriter::new(file), Some(path.into()), header, &BTreeMap::new())
+    }
+
+    /// Finishes the score and puts the file in its place.
+    ///
+    /// # Errors
+    /// As [`Writer::finish`], and where the file cannot be put there.
+    pub fn save(self) -> Result<()> {
+        let path = self.file.clone().unwrap_or_default();
+        let file = self.finish()?.into_inner();
+        file.map_err(|fault| Error::io("write", &path, fault.into_error()))?.finish()
     }
 }
 
