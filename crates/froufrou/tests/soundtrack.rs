@@ -538,7 +538,7 @@ fn an_onset_that_rings_for_long_does_not_depend_on_the_range() {
     let score = "froufrou-score 1 channel\nduration 9\nchannels main\nsound x \"x.wav\"\n\
                  start 1 5 x 1 0 speed 0.0001\n";
     let whole = studio.score(score, Take::at(RATE_HZ)).unwrap();
-    for from_s in [0.5, 3.25, 4.25, 4.875] {
+    for from_s in [0.5, 2.5, 3.25, 4.25, 4.875] {
         let take = Take { from_s, to_s: Some(from_s + 0.6), ..Take::at(RATE_HZ) };
         let part = studio.score(score, take).unwrap().mix;
         let from = (from_s * 48_000.0f64).ceil() as usize;
