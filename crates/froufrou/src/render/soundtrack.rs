@@ -107,12 +107,13 @@ pub fn write<L: Iterator<Item = Result<ChannelLine>>>(
         mix.replay(gain, |samples| meter.add(samples))?;
         report = meter.finish();
     }
-    let clipped = mix.finish(gain)?;
     let mut files = Vec::new();
     for (name, path, track) in stems.tracks {
         track.finish(gain)?;
         files.push((name, path));
     }
+    // Last, so that where there is a mix there is everything.
+    let clipped = mix.finish(gain)?;
     Ok(Summary { report, gain_db, stems: files, threads, clipped })
 }
 
