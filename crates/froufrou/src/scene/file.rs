@@ -4,19 +4,15 @@
 //! Reading gives plain data, checked as far as it can be without opening the files it refers to:
 //! they are there, inside the scene's folder, and names that refer to each other exist.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crate::score::{MicrophoneShape, Repeat};
-use crate::{Error, Place, Result};
+use crate::{Error, Result};
 
-use super::asset::{Asset, Folder, NamePattern};
+use super::asset::{Asset, NamePattern};
 use super::contact_log::ContactColumns;
 use super::listener::{Layout, Listener};
-use super::read;
 use super::track::Track;
-
-/// The longest scene file that is read, in bytes.
-pub const LONGEST_FILE_BYTES: u64 = 16 << 20;
 
 /// A scene as its author wrote it, with defaults filled in.
 #[derive(Debug, Clone, PartialEq)]
@@ -213,32 +209,6 @@ pub struct Contacts {
 }
 
 impl Scene {
-    /// Reads a scene file. Its paths start from the folder it lies in, and may leave it only with
-    /// `allow_outside`.
-    ///
-    /// # Errors
-    /// A file that cannot be read or is longer than [`LONGEST_FILE_BYTES`]; text that is not TOML;
-    /// a key that is unknown, missing or has a value it cannot have; a reference to a file, object
-    /// or material that is not there. All name the file, line and key.
-    pub fn open(path: impl AsRef<Path>, allow_outside: bool) -> Result<Self> {
-        use std::io::Read;
-        let path = path.as_ref();
-        let fail = |fault| Error::io("read", path, fault);
-        let file = std::fs::File::open(path).map_err(fail)?;
-        let mut bytes = Vec::new();
-        file.take(LONGEST_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(fail)?;
-        if bytes.len() as u64 > LONGEST_FILE_BYTES {
-            return Err(
-                Error::new(format!("longer than {LONGEST_FILE_BYTES} bytes: not a scene")).in_file(path)
-            );
-        }
-        let text = String::from_utf8(bytes).map_err(|fault| {
-            let offset = fault.utf8_error().valid_up_to() as u64;
-            Error::new("not UTF-8 text").in_file(path).at(Place::Byte(offset)).because(fault)
-        })?;
-        Self::parse(&text, path, allow_outside)
-    }
-
     /// Gives the listener another layout than the scene does.
     ///
     /// # Errors
@@ -252,27 +222,5 @@ impl Scene {
         listener.layout = layout;
         self.microphones = listener.microphones();
         Ok(())
-    }
-
-    /// Reads a scene from text, as if it stood in `file`: messages name that file and paths start
-    /// from its folder. The file itself need not exist.
-    ///
-    /// # Errors
-    /// As [`Scene::open`].
-    ///
-    /// ```
-    /// use froufrou::scene::Scene;
-    /// let scene = Scene::parse("rate = 96000\n[listener]\nlayout = 'mono'", "scene.toml", false)?;
-    /// assert_eq!((scene.rate_hz, scene.microphones.len()), (96000, 1));
-    ///
-    /// let error = Scene::parse("seed = 1\nrat = 44100", "scene.toml", false).unwrap_err();
-    /// assert_eq!(error.to_string(), "scene.toml:2:1: unknown key `rat` (did you mean `rate`?)");
-    /// # Ok::<(), froufrou::Error>(())
-    /// ```
-    pub fn parse(text: &str, file: impl AsRef<Path>, allow_outside: bool) -> Result<Self> {
-        let file = file.as_ref();
-        let parent = file.parent().unwrap_or(Path::new(""));
-        let folder = Folder::new(parent, allow_outside)?;
-        read::scene(text, file, parent, &folder)
     }
 }

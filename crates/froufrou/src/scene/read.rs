@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 use crate::score::{MicrophoneShape, Repeat};
-use crate::{Error, Result};
+use crate::{Error, Place, Result};
 
 use super::asset::{Asset, Folder, NamePattern};
 use super::contact_log::{ContactColumns, Push, UpAxis};
@@ -132,8 +132,61 @@ const INTERPOLATIONS: &[(&str, Interpolation)] =
     &[("smooth", Interpolation::Smooth), ("linear", Interpolation::Linear), ("step", Interpolation::Step)];
 const AHEAD: [f64; 3] = [0.0, 0.0, -1.0];
 
+/// The longest scene file that is read, in bytes.
+const LONGEST_FILE_BYTES: u64 = 16 << 20;
+
+impl Scene {
+    /// Reads a scene file. Its paths start from the folder it lies in, and may leave it only with
+    /// `allow_outside`.
+    ///
+    /// # Errors
+    /// A file that cannot be read or is longer than 16 MiB; text that is not TOML;
+    /// a key that is unknown, missing or has a value it cannot have; a reference to a file, object
+    /// or material that is not there. All name the file, line and key.
+    pub fn open(path: impl AsRef<Path>, allow_outside: bool) -> Result<Self> {
+        use std::io::Read;
+        let path = path.as_ref();
+        let fail = |fault| Error::io("read", path, fault);
+        let file = std::fs::File::open(path).map_err(fail)?;
+        let mut bytes = Vec::new();
+        file.take(LONGEST_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(fail)?;
+        if bytes.len() as u64 > LONGEST_FILE_BYTES {
+            return Err(
+                Error::new(format!("longer than {LONGEST_FILE_BYTES} bytes: not a scene")).in_file(path)
+            );
+        }
+        let text = String::from_utf8(bytes).map_err(|fault| {
+            let offset = fault.utf8_error().valid_up_to() as u64;
+            Error::new("not UTF-8 text").in_file(path).at(Place::Byte(offset)).because(fault)
+        })?;
+        Self::parse(&text, path, allow_outside)
+    }
+
+    /// Reads a scene from text, as if it stood in `file`: messages name that file and paths start
+    /// from its folder. The file itself need not exist.
+    ///
+    /// # Errors
+    /// As [`Scene::open`].
+    ///
+    /// ```
+    /// use froufrou::scene::Scene;
+    /// let scene = Scene::parse("rate = 96000\n[listener]\nlayout = 'mono'", "scene.toml", false)?;
+    /// assert_eq!((scene.rate_hz, scene.microphones.len()), (96000, 1));
+    ///
+    /// let error = Scene::parse("seed = 1\nrat = 44100", "scene.toml", false).unwrap_err();
+    /// assert_eq!(error.to_string(), "scene.toml:2:1: unknown key `rat` (did you mean `rate`?)");
+    /// # Ok::<(), froufrou::Error>(())
+    /// ```
+    pub fn parse(text: &str, file: impl AsRef<Path>, allow_outside: bool) -> Result<Self> {
+        let file = file.as_ref();
+        let parent = file.parent().unwrap_or(Path::new(""));
+        let folder = Folder::new(parent, allow_outside)?;
+        scene(text, file, parent, &folder)
+    }
+}
+
 /// Reads a whole scene.
-pub(super) fn scene(text: &str, file: &Path, folder_path: &Path, folder: &Folder) -> Result<Scene> {
+fn scene(text: &str, file: &Path, folder_path: &Path, folder: &Folder) -> Result<Scene> {
     let document = Document { file: file.to_owned(), text };
     let tree = document.parse()?;
     let top = Table::root(&document, &tree, SCENE)?;

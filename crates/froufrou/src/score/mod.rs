@@ -18,6 +18,7 @@
 mod any;
 mod document;
 mod lexer;
+mod note;
 mod quantity;
 mod read;
 mod rules;
@@ -27,8 +28,9 @@ mod syntax;
 mod write;
 
 pub use any::{AnyDocument, AnyReader, AnySpace};
-pub use document::{ChannelDocument, Document, Note, Noted, ObjectDocument};
+pub use document::{ChannelDocument, Document, ObjectDocument};
 pub use lexer::MAX_LINE_BYTES;
+pub use note::{Note, Noted};
 pub use read::{ChannelReader, ObjectReader, Reader};
 pub use sort::{ByTime, compare};
 pub use space::{ChannelSpace, ObjectSpace, Space};

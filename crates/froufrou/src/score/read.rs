@@ -5,10 +5,9 @@ use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
-use super::document::{Declared, Note};
 use super::lexer::{Lines, Words};
+use super::note::{Declared, Note};
 use super::rules::Rules;
-use super::sort::ByTime;
 use super::space::{ChannelSpace, ObjectSpace, Space, once};
 use super::syntax::{
     is_thread_verb, is_verb, place, read_first_line, read_microphone_key, read_sound, read_statement,
@@ -123,32 +122,6 @@ impl<S: Space, R: BufRead> Reader<S, R> {
     /// The number of the line that was read last, from 1.
     pub fn line_number(&self) -> usize {
         self.lines.number()
-    }
-
-    /// The lines that are left, sorted by time as a mixer wants them.
-    ///
-    /// A score with `order time` is read as it is needed, in bounded memory. Any other is read whole
-    /// and sorted first, which takes memory in proportion to its length.
-    ///
-    /// # Errors
-    /// Where a score that has to be read whole is faulty.
-    ///
-    /// ```
-    /// use froufrou::score::ChannelReader;
-    ///
-    /// let text = r#"froufrou-score 1 channel
-    /// channels main
-    /// sound drip "drip.wav"
-    /// start 1 2.5 drip 0.5 0.01
-    /// start 2 0.5 drip 0.5 0.01
-    /// "#;
-    /// let lines = ChannelReader::new(text.as_bytes())?.by_time()?;
-    /// let threads: Vec<u64> = lines.map(|line| line.map(|line| line.thread)).collect::<Result<_, _>>()?;
-    /// assert_eq!(threads, [2, 1]);
-    /// # Ok::<(), froufrou::Error>(())
-    /// ```
-    pub fn by_time(self) -> Result<ByTime<S, R>> {
-        ByTime::new(self)
     }
 
     /// Takes the comments around the line read last.

@@ -26,6 +26,34 @@ pub fn compare<S: Space>(a: &S::Line, b: &S::Line, order: Order) -> std::cmp::Or
     rank::<S>(a).cmp(&rank::<S>(b), order)
 }
 
+impl<S: Space, R: BufRead> Reader<S, R> {
+    /// The lines that are left, sorted by time as a mixer wants them.
+    ///
+    /// A score with `order time` is read as it is needed, in bounded memory. Any other is read whole
+    /// and sorted first, which takes memory in proportion to its length.
+    ///
+    /// # Errors
+    /// Where a score that has to be read whole is faulty.
+    ///
+    /// ```
+    /// use froufrou::score::ChannelReader;
+    ///
+    /// let text = r#"froufrou-score 1 channel
+    /// channels main
+    /// sound drip "drip.wav"
+    /// start 1 2.5 drip 0.5 0.01
+    /// start 2 0.5 drip 0.5 0.01
+    /// "#;
+    /// let lines = ChannelReader::new(text.as_bytes())?.by_time()?;
+    /// let threads: Vec<u64> = lines.map(|line| line.map(|line| line.thread)).collect::<Result<_, _>>()?;
+    /// assert_eq!(threads, [2, 1]);
+    /// # Ok::<(), froufrou::Error>(())
+    /// ```
+    pub fn by_time(self) -> Result<ByTime<S, R>> {
+        ByTime::new(self)
+    }
+}
+
 /// The lines of a score sorted by time: see [`Reader::by_time`].
 #[derive(Debug)]
 pub struct ByTime<S: Space, R> {

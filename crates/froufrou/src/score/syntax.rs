@@ -4,8 +4,8 @@
 use std::borrow::Cow;
 use std::io::BufRead;
 
-use super::document::{Declared, Note};
 use super::lexer::{Lines, Words, push_name, push_quoted, shown};
+use super::note::{Declared, Note};
 use super::rules::{Fault, Rules, Step};
 use super::space::{ChannelSpace, LineRef, ObjectSpace, Space, once, push_whereabouts, read_whereabouts};
 use super::{Header, MicrophoneKey, Order, Repeat, Sound, Start, Statement, Verb, quantity};

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use super::document::{Declared, Note};
 use super::lexer::MAX_LINE_BYTES;
+use super::note::{Declared, Note};
 use super::rules::{Fault, Rules, Step};
 use super::space::{ChannelSpace, LineRef, ObjectSpace, Space};
 use super::syntax::{header_lines, push_line};
