@@ -222,27 +222,6 @@ def rumble():
     return loop_level(x * (1 + 0.28 * np.cos(turns) + 0.14 * np.cos(3 * turns + 1) + 0.08 * np.cos(8 * turns + 2)))
 
 
-def scrape():
-    """A wooden block that slides on stone: noise in a wide band about 1.4 kHz, the block's own modes in
-    it, and grains: the asperities that catch and let go, some hundreds a second."""
-    length = 1.0
-    n = int(length * RATE)
-    x = looped_noise(
-        length,
-        lambda f: -12 * np.abs(np.log2(f / 1400)) * (np.where(f < 1400, 0.45, 0.62))
-        + resonances(f, [(480, 60, 6), (860, 60, 7), (1320, 110, 6), (2100, 160, 5)])
-        - 30 * np.maximum(0, np.log2(f / 7000)),
-        620,
-    )
-    rng = np.random.default_rng(621)
-    grains = np.zeros(n)
-    grains[rng.integers(0, n, 420)] = rng.exponential(1.0, 420)
-    # Each grain dies away within 2 ms, round the end of the loop into its beginning.
-    tail = np.exp(-np.arange(n) / (0.002 * RATE))
-    envelope = np.fft.irfft(np.fft.rfft(grains) * np.fft.rfft(tail), n)
-    return loop_level(x * (0.5 + envelope / envelope.mean()))
-
-
 def siren():
     """A two-tone horn as on European ambulances: 440 Hz and a fourth above it, 0.75 s each.
 
@@ -282,11 +261,11 @@ def engine():
 
 
 HITS = {"rubber": (rubber, 6), "wood": (wood, 6), "stone": (stone, 6), "coin": (coin, 6), "floor": (floor, 5)}
-LOOPS = {"rumble": rumble, "scrape": scrape, "siren": siren, "engine": engine}
+LOOPS = {"rumble": rumble, "siren": siren, "engine": engine}
 SCENES = {
     "bounce": ["rubber", "wood"],
     "ambulance": ["siren", "engine"],
-    "collisions": ["stone", "wood", "coin", "rumble", "scrape"],
+    "collisions": ["stone", "wood", "coin"],
     "tower": ["wood", "floor", "rumble"],
     "demo": ["siren", "rubber", "wood", "coin"],
 }
