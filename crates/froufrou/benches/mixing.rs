@@ -14,6 +14,10 @@ use froufrou::score::{Arrival, ChannelLine, Start, Statement, Verb};
 use froufrou::synth::mixer::Mixer;
 use froufrou::synth::path::{Fades, Segment};
 use froufrou::synth::voice::{Playback, Prototype, add_segment};
+use rubato::audioadapter_buffers::direct::InterleavedSlice;
+use rubato::{
+    Async, FixedAsync, Resampler, SincInterpolationParameters, SincInterpolationType, WindowFunction,
+};
 
 fn main() {
     divan::main();
@@ -92,6 +96,39 @@ fn reading(bencher: Bencher, ratio: f64) {
     let (mut block, mut window) = (vec![0.0; 48_000], Vec::new());
     bencher.counter(ItemsCount::new(48_000u64)).bench_local(|| {
         add_segment(&prototype, &playback, &segment, f64::from(RATE_HZ), 0, &mut block, &mut window)
+    });
+}
+
+/// The same by rubato's sinc resampler, with as many taps, as many tabulated phases and the same cubic
+/// interpolation between them. It reads at one steady ratio; ours may change with every sample.
+#[divan::bench(args = [0.9, 1.03, 2.0], sample_count = 20)]
+fn reading_by_rubato(bencher: Bencher, ratio: f64) {
+    let prototype = noise();
+    let parameters = SincInterpolationParameters {
+        sinc_len: (80.0 * ratio.max(1.0)) as usize,
+        f_cutoff: None,
+        oversampling_factor: 32,
+        interpolation: SincInterpolationType::Cubic,
+        window: WindowFunction::BlackmanHarris2,
+    };
+    let frames = 1024;
+    let mut resampler = Async::<f32>::new_sinc(1.0 / ratio, 1.1, &parameters, frames, 1, FixedAsync::Output)
+        .expect("a resampler");
+    let mut output = vec![0.0f32; frames];
+    bencher.counter(ItemsCount::new(48_000u64)).bench_local(|| {
+        let (mut read, mut made) = (0, 0);
+        while made < 48_000 {
+            let needed = resampler.input_frames_next();
+            // The noise is two seconds long; begin again where it would run out.
+            read = if read + needed > prototype.samples.len() { 0 } else { read };
+            let input = &prototype.samples[read..read + needed];
+            let input = InterleavedSlice::new(input, 1, needed).expect("frames");
+            let mut output = InterleavedSlice::new_mut(&mut output, 1, frames).expect("frames");
+            let (used, given) = resampler.process_into_buffer(&input, &mut output, None).expect("frames");
+            read += used;
+            made += given;
+        }
+        black_box(&output);
     });
 }
 
