@@ -20,7 +20,7 @@ def main():
         lines = [",".join(COLUMNS)]
         for row in rows:
             place = [f"{float(row[c]):.3f}" for c in ("px", "py", "pz")]
-            lines.append(",".join([row["t"], row["bodyA"], row["bodyB"], *place, f"{float(row['Fn']):.3g}"]))
+            lines.append(",".join([row["t"], row["bodyA"], row["bodyB"], *place, f"{float(row['Fn']):.5g}"]))
         packed.write(("\n".join(lines) + "\n").encode())
 
 
