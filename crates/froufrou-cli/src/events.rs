@@ -8,7 +8,8 @@ use froufrou::score::compose;
 use froufrou::{Error, Result};
 
 use crate::files;
-use crate::render::SceneOptions;
+use crate::progress::Count;
+use crate::render::SceneFile;
 
 /// Find what happens in a scene: impacts, one JSON object a line
 #[derive(Args)]
@@ -17,7 +18,7 @@ Example:
   froufrou events scene.toml -o events.jsonl")]
 pub struct Events {
     #[command(flatten)]
-    scene: SceneOptions,
+    scene: SceneFile,
 
     /// The file to write; `-` is standard output
     #[arg(short, long, value_name = "EVENTS.jsonl", default_value = "-")]
@@ -29,8 +30,11 @@ impl Events {
     pub fn run(self) -> Result<()> {
         let scene = self.scene.open()?;
         let mut output = files::Output::create(&self.output)?;
+        let mut count = Count::new("events", &self.output);
         for event in compose::Events::open(&scene)? {
-            event::write(&mut output, &event?).map_err(|fault| Error::io("write", &self.output, fault))?;
+            let event = event?;
+            event::write(&mut output, &event).map_err(|fault| Error::io("write", &self.output, fault))?;
+            count.one(event.time_s());
         }
         output.finish()
     }

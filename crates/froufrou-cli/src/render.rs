@@ -25,10 +25,28 @@ pub struct Render {
 
 /// What every command takes that reads a scene.
 #[derive(Args)]
-pub struct SceneOptions {
+pub struct SceneFile {
     /// The scene
     #[arg(value_name = "SCENE.toml")]
     pub path: PathBuf,
+
+    /// Let the scene use files outside its folder
+    #[arg(long)]
+    pub allow_outside: bool,
+}
+
+impl SceneFile {
+    /// Reads the scene.
+    pub fn open(&self) -> Result<Scene> {
+        Scene::open(&self.path, self.allow_outside)
+    }
+}
+
+/// What every command takes that makes a scene sound.
+#[derive(Args)]
+pub struct SceneOptions {
+    #[command(flatten)]
+    pub file: SceneFile,
 
     /// What all random choices follow from, instead of the scene's seed
     #[arg(long, value_name = "NUMBER")]
@@ -37,10 +55,6 @@ pub struct SceneOptions {
     /// How the listener hears, instead of the scene's layout: mono or stereo
     #[arg(long, value_name = "LAYOUT", value_parser = layout)]
     pub layout: Option<Layout>,
-
-    /// Let the scene use files outside its folder
-    #[arg(long)]
-    pub allow_outside: bool,
 }
 
 fn layout(text: &str) -> Result<Layout, String> {
@@ -50,7 +64,7 @@ fn layout(text: &str) -> Result<Layout, String> {
 impl SceneOptions {
     /// Reads the scene as asked for.
     pub fn open(&self) -> Result<Scene> {
-        let mut scene = Scene::open(&self.path, self.allow_outside)?;
+        let mut scene = self.file.open()?;
         if let Some(seed) = self.seed {
             scene.seed = seed;
         }

@@ -5,9 +5,10 @@ use std::path::{Component, Path, PathBuf};
 use clap::{Args, ValueEnum};
 use froufrou::Result;
 use froufrou::render::production::Production;
-use froufrou::score::{AnyDocument, ChannelWriter, Header, ObjectWriter, Order};
+use froufrou::score::{AnyDocument, ChannelWriter, Header, ObjectLine, ObjectWriter, Order};
 
 use crate::files;
+use crate::progress::Count;
 use crate::render::SceneOptions;
 use crate::usage;
 
@@ -56,7 +57,7 @@ enum Sort {
 impl Score {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
-        if self.scene.path.extension().is_some_and(|e| e == "score") {
+        if self.scene.file.path.extension().is_some_and(|e| e == "score") {
             return self.sort_score();
         }
         if matches!(self.sort, Some(Sort::Thread)) && self.output == Path::new("-") {
@@ -67,12 +68,18 @@ impl Score {
         let production = Production::open(self.scene.open()?)?;
         let folder = &production.scene.folder;
         let mut text = files::Output::create(&self.output)?;
+        let mut count = Count::new("lines", &self.output);
         match self.space.unwrap_or(SpaceName::Object) {
             SpaceName::Object => {
                 let header = relocated(&production.header, folder, &self.output);
                 let mut writer = ObjectWriter::new(&mut text, &header)?;
                 for line in production.object_lines()? {
-                    writer.write(&line?)?;
+                    let line = line?;
+                    writer.write(&line)?;
+                    count.one(match &line {
+                        ObjectLine::Thread(line) => line.time_s,
+                        ObjectLine::Microphone(key) => key.time_s,
+                    });
                 }
                 writer.finish()?;
             }
@@ -80,7 +87,9 @@ impl Score {
                 let header = relocated(&production.channel_header(), folder, &self.output);
                 let mut writer = ChannelWriter::new(&mut text, &header)?;
                 for line in production.channel_lines()? {
-                    writer.write(&line?)?;
+                    let line = line?;
+                    writer.write(&line)?;
+                    count.one(line.time_s);
                 }
                 writer.finish()?;
             }
@@ -94,12 +103,13 @@ impl Score {
 
     /// Rewrites a score in another order.
     fn sort_score(&self) -> Result<()> {
-        if self.space.is_some() || self.scene.seed.is_some() || self.scene.layout.is_some() {
+        let SceneOptions { file, seed, layout } = &self.scene;
+        if self.space.is_some() || seed.is_some() || layout.is_some() || file.allow_outside {
             usage(
-                "`--space`, `--seed` and `--layout` are for scenes; a score can be given another order with `--sort`",
+                "`--space`, `--seed`, `--layout` and `--allow-outside` are for scenes; a score can be given another order with `--sort`",
             );
         }
-        self.sorted(&self.scene.path)
+        self.sorted(&self.scene.file.path)
     }
 
     fn sorted(&self, path: &Path) -> Result<()> {
