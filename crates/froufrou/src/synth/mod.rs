@@ -1,5 +1,6 @@
 //! What the signal is: threads in, samples out, block by block.
 
+pub mod instrument;
 pub mod mixer;
 pub mod path;
 pub mod prototypes;
