@@ -78,6 +78,7 @@ impl Score {
                     writer.write(&line)?;
                     count.one(match &line {
                         ObjectLine::Thread(line) => line.time_s,
+                        ObjectLine::Cue(cue) => cue.time_s,
                         ObjectLine::Microphone(key) => key.time_s,
                     });
                 }
@@ -89,7 +90,7 @@ impl Score {
                 for line in production.channel_lines()? {
                     let line = line?;
                     writer.write(&line)?;
-                    count.one(line.time_s);
+                    count.one(line.time_s());
                 }
                 writer.finish()?;
             }
@@ -122,12 +123,12 @@ impl Score {
     }
 }
 
-/// A header whose recordings are named from the folder of the score instead of that of the scene.
+/// A header whose files are named from the folder of the score instead of that of the scene.
 fn relocated<R: Clone>(header: &Header<R>, folder: &Path, output: &Path) -> Header<R> {
     let from = output.parent().unwrap_or(Path::new(""));
     let mut header = header.clone();
-    for sound in &mut header.sounds {
-        sound.recording = relative(&folder.join(&sound.recording), from);
+    for file in header.files_mut() {
+        *file = relative(&folder.join(&*file), from);
     }
     header
 }

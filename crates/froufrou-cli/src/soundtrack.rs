@@ -5,11 +5,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 use froufrou::render::offline::Extent;
-use froufrou::render::production::Prototypes;
 use froufrou::render::soundtrack::{self, Output, Summary};
 use froufrou::render::wav::SampleFormat;
 use froufrou::score::{ChannelHeader, ChannelLine};
 use froufrou::synth::mixer::{Begun, Mixer};
+use froufrou::synth::prototypes::Soundings;
 use froufrou::{Error, Result};
 use serde_json::json;
 
@@ -97,7 +97,7 @@ pub fn write<L>(
     rate_hz: u32,
     seed: u64,
     header: &ChannelHeader,
-    prototypes: Prototypes,
+    prototypes: Soundings,
     lines: L,
 ) -> Result<Summary>
 where
@@ -118,10 +118,13 @@ where
     };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads.map_or(0, usize::from)).build();
     let pool = pool.map_err(|fault| Error::new("cannot start threads").because(fault))?;
-    let recordings: Vec<(String, String)> =
-        header.sounds.iter().map(|s| (s.name.clone(), s.recording.clone())).collect();
+    let recordings: Vec<(String, String)> = header
+        .sounds
+        .iter()
+        .map(|s| (s.name.clone(), s.make.file().unwrap_or(s.make.kind()).to_owned()))
+        .collect();
     let mut log = options.log.as_deref().map(files::Output::create).transpose()?;
-    let mut mixer = Mixer::new(rate_hz, channels, prototypes, lines)?;
+    let mut mixer = Mixer::new(rate_hz, channels, prototypes, lines)?.with_seed(header.seed);
     let (first, end) = extent.frames();
     let progress = Progress::new(rate_hz, end.map(|end| end.saturating_sub(first)));
     let summary = pool.install(|| {

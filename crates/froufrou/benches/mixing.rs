@@ -47,11 +47,13 @@ fn lines(voices: u64, still: bool) -> Vec<froufrou::Result<ChannelLine>> {
                     offset_s: thread as f64 * 0.01,
                     object: String::new(),
                     cause: String::new(),
+                    pattern: String::new(),
                 }),
                 72 => Verb::End,
                 _ => Verb::Key,
             };
-            lines.push(Ok(Statement { thread, time_s, verb, value: vec![ear(0.0), ear(0.2)] }));
+            let value = vec![ear(0.0), ear(0.2)];
+            lines.push(Ok(ChannelLine::Thread(Statement { thread, path: 0, time_s, verb, value })));
         }
     }
     lines
@@ -61,8 +63,8 @@ fn render(bencher: Bencher, voices: u64, still: bool) {
     let lines = lines(voices, still);
     let lines = || lines.iter().map(|l| Ok(l.as_ref().unwrap().clone())).collect::<Vec<_>>();
     bencher.counter(ItemsCount::new(voices)).bench(|| {
-        let mut mixer =
-            Mixer::new(RATE_HZ, 2, [("noise".to_string(), noise())], lines().into_iter()).expect("a score");
+        let mut mixer = Mixer::new(RATE_HZ, 2, [("noise".to_string(), noise().into())], lines().into_iter())
+            .expect("a score");
         mixer.read_to(52_800).expect("lines");
         for block in 0..47 {
             black_box(mixer.voices().render(4_000 + block * 1024, 1024, false));
@@ -95,7 +97,7 @@ fn reading(bencher: Bencher, ratio: f64) {
     let playback = Playback { start_s: -0.01, speed: 1.0, offset_s: 0.0 };
     let (mut block, mut window) = (vec![0.0; 48_000], Vec::new());
     bencher.counter(ItemsCount::new(48_000u64)).bench_local(|| {
-        add_segment(&prototype, &playback, &segment, f64::from(RATE_HZ), 0, &mut block, &mut window)
+        add_segment(prototype.signal(), &playback, &segment, f64::from(RATE_HZ), 0, &mut block, &mut window)
     });
 }
 

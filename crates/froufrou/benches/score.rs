@@ -8,9 +8,9 @@ use std::hint::black_box;
 use divan::Bencher;
 use divan::counter::{BytesCount, ItemsCount};
 use froufrou::score::{
-    Arrival, ChannelDocument, ChannelSpace, Document, Header, Microphone, MicrophoneKey, MicrophoneShape,
-    ObjectLine, ObjectSpace, Order, Placement, Pose, Reader, Repeat, Sound, Space, Start, Statement, Verb,
-    Writer,
+    Arrival, ChannelDocument, ChannelLine, ChannelSpace, Document, Header, Microphone, MicrophoneKey,
+    MicrophoneShape, ObjectLine, ObjectSpace, Order, Placement, Pose, Reader, Repeat, Sound, Space, Start,
+    Statement, Verb, Writer,
 };
 
 /// Threads that sound at once, with a key each at every frame of an animation.
@@ -22,18 +22,8 @@ fn main() {
 }
 
 fn header<R>(receivers: Vec<R>) -> Header<R> {
-    Header {
-        speed_of_sound_mps: 343.0,
-        duration_s: None,
-        order: Order::Time,
-        sounds: vec![Sound {
-            name: "siren".into(),
-            recording: "siren.wav".into(),
-            repeat: Repeat::Loop,
-            channel: None,
-        }],
-        receivers,
-    }
+    let sounds = vec![Sound::recording("siren", "siren.wav", Repeat::Loop, None)];
+    Header { sounds, ..Header::new(Order::Time, receivers) }
 }
 
 /// What a thread does at a frame.
@@ -44,13 +34,14 @@ fn statement<V>(thread: u64, frame: u32, value: V) -> Statement<V> {
         offset_s: 0.0,
         object: "ambulance".into(),
         cause: "runs through the scene".into(),
+        pattern: String::new(),
     };
     let verb = match frame {
         0 => Verb::Start(start),
         frame if frame == FRAMES - 1 => Verb::End,
         _ => Verb::Key,
     };
-    Statement { thread, time_s: f64::from(frame) / 30.0, verb, value }
+    Statement { thread, path: 0, time_s: f64::from(frame) / 30.0, verb, value }
 }
 
 /// A number with all its digits, as a simulation gives it.
@@ -62,7 +53,7 @@ fn channel_score() -> ChannelDocument {
     let lines = (0..FRAMES).flat_map(|frame| {
         (0..THREADS).map(move |thread| {
             let gain = number(thread, frame);
-            statement(thread, frame, vec![Arrival { gain, delay_s: gain / 7.0 }; 2])
+            ChannelLine::Thread(statement(thread, frame, vec![Arrival { gain, delay_s: gain / 7.0 }; 2]))
         })
     });
     Document::new(header(vec!["left".to_string(), "right".to_string()]), lines)
@@ -79,11 +70,7 @@ fn object_score() -> Document<ObjectSpace> {
     let threads = (0..FRAMES).flat_map(|frame| {
         (0..THREADS).map(move |thread| {
             let x = number(thread, frame);
-            ObjectLine::Thread(statement(
-                thread,
-                frame,
-                Placement { position_m: [x, x / 3.0, x / 7.0], gain: x / 11.0 },
-            ))
+            ObjectLine::Thread(statement(thread, frame, Placement::at([x, x / 3.0, x / 7.0], x / 11.0)))
         })
     });
     let lines = std::iter::once(ObjectLine::Microphone(ear)).chain(threads);

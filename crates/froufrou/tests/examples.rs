@@ -62,7 +62,8 @@ fn the_ball_bounces_as_it_was_keyed() {
 fn the_ambulance_comes_from_five_times_as_far() {
     let production = open("ambulance");
     let lines = production.channel_lines().unwrap().map(|line| line.unwrap());
-    let delays: Vec<f64> = lines.filter(|l| l.thread == 1).map(|l| l.value[0].delay_s).collect();
+    let delays: Vec<f64> =
+        lines.filter(|l| l.thread() == 1).filter_map(|l| Some(l.statement()?.value[0].delay_s)).collect();
     let (least, most) = (delays.iter().copied().fold(f64::MAX, f64::min), delays[0]);
     assert!((most / least - 5.0).abs() < 0.02, "{least} {most}");
     assert_eq!(count_by_object(&production), BTreeMap::from([("engine".into(), 1), ("siren".into(), 1)]));

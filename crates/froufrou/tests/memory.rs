@@ -11,9 +11,10 @@ use std::io::Write as _;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use froufrou::render::offline::{self, Extent};
-use froufrou::render::production::{ChannelLines, Prototypes, open_score};
+use froufrou::render::production::{ChannelLines, open_score};
 use froufrou::score::{ChannelHeader, ChannelWriter, ObjectWriter};
 use froufrou::synth::mixer::Mixer;
+use froufrou::synth::prototypes::Soundings;
 use froufrou::synth::sinc;
 use studio::{Studio, noise};
 
@@ -96,7 +97,7 @@ fn scene(studio: &Studio, seconds: u32) -> String {
 }
 
 /// Renders without keeping anything; gives the threads that have begun.
-fn render(header: &ChannelHeader, prototypes: Prototypes, lines: ChannelLines<'_>) -> usize {
+fn render(header: &ChannelHeader, prototypes: Soundings, lines: ChannelLines<'_>) -> usize {
     let channels = header.receivers.len();
     let extent = Extent { rate_hz: 8_000, from_s: 0.0, to_s: None, duration_s: header.duration_s };
     let mut mixer = Mixer::new(extent.rate_hz, channels, prototypes, lines).unwrap();

@@ -5,9 +5,10 @@ use std::fmt::Debug;
 use std::time::{Duration, Instant};
 
 use froufrou::score::{
-    AnyDocument, Arrival, ChannelReader, ChannelSpace, ChannelWriter, Document, Header, Microphone,
-    MicrophoneKey, MicrophoneShape, ObjectLine, ObjectSpace, Order, Placement, Pose, Reader, Repeat, Sound,
-    Space, Start, Statement, Verb, Writer, compare,
+    Action, AnyDocument, Arrival, Blow, ChannelLine, ChannelReader, ChannelSpace, ChannelWriter, Cue,
+    Document, Header, Make, Microphone, MicrophoneKey, MicrophoneShape, Mode, ObjectLine, ObjectSpace, Order,
+    Pattern, Placement, Pose, Reader, Repeat, Sound, Space, Start, Statement, Verb, Whereabouts, Writer,
+    compare,
 };
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
@@ -52,13 +53,39 @@ fn names(most: usize) -> impl Strategy<Value = Vec<String>> {
     prop::collection::hash_set(name, 1..=most).prop_map(Vec::from_iter)
 }
 
+/// Named numbers.
+fn values() -> impl Strategy<Value = Vec<(String, f64)>> {
+    (names(3), prop::collection::vec(coordinate(), 3))
+        .prop_map(|(names, values)| names.into_iter().zip(values).collect())
+}
+
 fn sounds() -> impl Strategy<Value = Vec<Sound>> {
     names(4).prop_flat_map(|names| {
         let sound = |name: String| {
-            let recording = text().prop_filter("not empty", |path| !path.is_empty());
+            let file = || text().prop_filter("not empty", |path| !path.is_empty());
             let repeat = select(vec![Repeat::Once, Repeat::Loop, Repeat::ExactLoop]);
-            (Just(name), recording, repeat, prop::option::of(any::<usize>()))
-                .prop_map(|(name, recording, repeat, channel)| Sound { name, recording, repeat, channel })
+            let recording = (file(), repeat, prop::option::of(any::<usize>()))
+                .prop_map(|(path, repeat, channel)| Make::Recording { path, repeat, channel });
+            let mode = (positive(), not_negative(), coordinate(), prop::collection::vec(coordinate(), 0..3));
+            let mode = mode.prop_map(|(frequency_hz, decay_per_s, gain, points)| Mode {
+                frequency_hz,
+                decay_per_s,
+                gain,
+                points,
+            });
+            let modes = (prop::option::of(file()), prop::collection::vec(mode, 0..3))
+                .prop_map(|(table, modes)| Make::Modes { table, modes });
+            let plain = vec![Make::String, Make::Bar, Make::Needle, Make::StickSlip, Make::Turbulence];
+            let make = prop_oneof![
+                3 => recording,
+                1 => modes,
+                1 => select(plain),
+                1 => file().prop_map(|script| Make::Procedure { script }),
+            ];
+            (Just(name), make, values()).prop_map(|(name, make, with)| {
+                let with = if matches!(make, Make::Recording { .. }) { vec![] } else { with };
+                Sound { name, make, with }
+            })
         };
         names.into_iter().map(sound).collect::<Vec<_>>()
     })
@@ -66,13 +93,15 @@ fn sounds() -> impl Strategy<Value = Vec<Sound>> {
 
 fn header<R: Debug + Clone>(receivers: Vec<R>) -> impl Strategy<Value = Header<R>> {
     // With a duration every thread may go without an end.
-    (positive(), positive(), sounds()).prop_map(move |(speed_of_sound_mps, duration_s, sounds)| Header {
-        speed_of_sound_mps,
-        duration_s: Some(duration_s),
-        order: Order::Free,
-        sounds,
-        receivers: receivers.clone(),
-    })
+    (positive(), positive(), sounds(), any::<u64>()).prop_map(
+        move |(speed_of_sound_mps, duration_s, sounds, seed)| Header {
+            speed_of_sound_mps,
+            duration_s: Some(duration_s),
+            seed,
+            sounds,
+            ..Header::new(Order::Free, receivers.clone())
+        },
+    )
 }
 
 /// What one thread does, before its times and its number are settled.
@@ -84,45 +113,83 @@ struct Sketch<V> {
     /// Time, and whether the line is a jump, which may share its time with the line before.
     keys: Vec<(f64, bool, V)>,
     ends: bool,
+    /// What is said to it at each key, where it is synthesised.
+    cues: Vec<Action>,
+}
+
+/// A line of a thread, in either space.
+#[derive(Debug, Clone)]
+enum Line<V> {
+    Statement(Statement<V>),
+    Cue(Cue),
+}
+
+fn action() -> impl Strategy<Value = Action> {
+    let blow = (not_negative(), not_negative(), not_negative());
+    let blow = blow.prop_map(|(impulse_ns, place, contact_s)| Blow { impulse_ns, place, contact_s });
+    prop_oneof![values().prop_map(Action::Set), blow.prop_map(Action::Strike)]
 }
 
 fn sketch<V: Debug + Clone + 'static>(value: BoxedStrategy<V>) -> impl Strategy<Value = Sketch<V>> {
     let start = (positive(), not_negative(), text(), text()).prop_map(|(speed, offset_s, object, cause)| {
-        Start { sound: String::new(), speed, offset_s, object, cause }
+        Start { sound: String::new(), speed, offset_s, object, cause, pattern: String::new() }
     });
     let thread = prop_oneof![1..20_u64, any::<u64>()];
     let time = prop_oneof![not_negative(), (0..6_u8).prop_map(f64::from)];
     let keys = prop::collection::vec((time, any::<bool>(), value), 1..6);
-    (thread, any::<Index>(), start, keys, any::<bool>())
-        .prop_map(|(thread, sound, start, keys, ends)| Sketch { thread, sound, start, keys, ends })
+    let cues = prop::collection::vec(action(), 0..6);
+    (thread, any::<Index>(), start, keys, any::<bool>(), cues).prop_map(
+        |(thread, sound, start, keys, ends, cues)| Sketch { thread, sound, start, keys, ends, cues },
+    )
 }
 
 /// The lines of a thread that keep the rules.
-fn statements<V: Clone>(sketch: &Sketch<V>, sounds: &[Sound]) -> Vec<Statement<V>> {
+fn statements<V: Clone>(sketch: &Sketch<V>, sounds: &[Sound], paths: bool) -> Vec<Line<V>> {
     let mut keys = sketch.keys.clone();
     keys.sort_by(|a, b| a.0.partial_cmp(&b.0).unwrap());
     let last = keys.len() - 1;
-    let mut lines: Vec<Statement<V>> = Vec::new();
+    let sound = sketch.sound.get(sounds);
+    let mut start = Start { sound: sound.name.clone(), ..sketch.start.clone() };
+    let made = !matches!(sound.make, Make::Recording { .. });
+    if made {
+        (start.speed, start.offset_s) = (1.0, 0.0);
+    }
+    let mut lines: Vec<Line<V>> = Vec::new();
+    let mut before_s = None;
     for (index, (time_s, jumps, value)) in keys.into_iter().enumerate() {
-        let same_time = lines.last().is_some_and(|line| line.time_s == time_s);
+        let same_time = before_s.replace(time_s) == Some(time_s);
         let verb = match index {
-            0 => Verb::Start(Start { sound: sketch.sound.get(sounds).name.clone(), ..sketch.start.clone() }),
+            0 => Verb::Start(start.clone()),
             _ if same_time || jumps => Verb::Jump,
             _ if index == last && sketch.ends => Verb::End,
             _ => Verb::Key,
         };
-        lines.push(Statement { thread: sketch.thread, time_s, verb, value });
+        let thread = sketch.thread;
+        let starts = index == 0;
+        let of_path =
+            |verb| Line::Statement(Statement { thread, path: 7, time_s, verb, value: value.clone() });
+        if verb == Verb::End && paths && !same_time {
+            lines.push(of_path(Verb::End));
+        }
+        let ends = verb == Verb::End;
+        lines.push(Line::Statement(Statement { thread, path: 0, time_s, verb, value: value.clone() }));
+        if starts && paths {
+            lines.push(of_path(Verb::Path));
+        }
+        if let Some(action) = sketch.cues.get(index).filter(|_| made && !ends) {
+            lines.push(Line::Cue(Cue { thread, time_s, action: action.clone() }));
+        }
     }
     lines
 }
 
 /// All lines of all threads, as a person may have mixed them.
-fn mixed<V: Clone>(sketches: &[Sketch<V>], sounds: &[Sound]) -> Vec<Statement<V>> {
+fn mixed<V: Clone>(sketches: &[Sketch<V>], sounds: &[Sound], paths: bool) -> Vec<Line<V>> {
     let mut used = std::collections::HashSet::new();
     let mut threads: Vec<_> = sketches
         .iter()
         .filter(|sketch| used.insert(sketch.thread))
-        .map(|sketch| statements(sketch, sounds).into_iter())
+        .map(|sketch| statements(sketch, sounds, paths).into_iter())
         .collect();
     let mut lines = Vec::new();
     while !threads.is_empty() {
@@ -137,8 +204,11 @@ fn channel_score() -> impl Strategy<Value = Document<ChannelSpace>> {
         let value = prop::collection::vec(arrival, names.len()).boxed();
         let sketches = prop::collection::vec(sketch(value), 0..5);
         (header(names), sketches).prop_map(|(header, sketches)| {
-            let lines = mixed(&sketches, &header.sounds);
-            Document::new(header, lines)
+            let lines = mixed(&sketches, &header.sounds, true).into_iter().map(|line| match line {
+                Line::Statement(statement) => ChannelLine::Thread(statement),
+                Line::Cue(cue) => ChannelLine::Cue(cue),
+            });
+            Document::new(header, lines.collect::<Vec<_>>())
         })
     })
 }
@@ -158,12 +228,45 @@ fn microphones() -> impl Strategy<Value = Vec<Microphone>> {
 
 fn object_score() -> impl Strategy<Value = Document<ObjectSpace>> {
     microphones().prop_flat_map(|microphones| {
-        let place = (prop::array::uniform3(coordinate()), not_negative());
-        let value = place.prop_map(|(position_m, gain)| Placement { position_m, gain }).boxed();
+        let turn =
+            prop::array::uniform4(-1.0..1.0f64).prop_filter("a turn", |t| t.iter().any(|c| c.abs() > 0.1));
+        let place = (prop::array::uniform3(coordinate()), not_negative(), prop::option::of(turn));
+        let around = 0..microphones.len() * 4;
+        let value = (place, around).prop_map(move |((position_m, gain, turn), around)| {
+            let whereabouts = match around {
+                around if around % 4 == 0 => Whereabouts::Around(around / 4),
+                _ => Whereabouts::At(position_m),
+            };
+            Placement { whereabouts, gain, turn }
+        });
+        let value = value.boxed();
         let sketches = prop::collection::vec(sketch(value), 0..5);
         let key = || (not_negative(), any::<bool>(), prop::array::uniform3(coordinate()), facing());
         let keys = prop::collection::vec((key(), prop::collection::vec(key(), 0..4)), microphones.len());
         (header(microphones), sketches, keys).prop_map(|(header, sketches, keys)| {
+            let (mut header, mut sketches) = (header, sketches);
+            // A pattern, which every other thread has; and what a thread's lines must have in common.
+            let harmonics = vec![1.0, -0.0, 0.25, 1e-300];
+            header.patterns = vec![Pattern { name: "a lobe".into(), harmonics }];
+            header.surroundings = Some("scene \"1\".toml".into());
+            for sketch in &mut sketches {
+                if sketch.thread % 2 == 0 {
+                    sketch.start.pattern = "a lobe".into();
+                }
+                sketch.keys.sort_by(|a, b| a.0.partial_cmp(&b.0).unwrap());
+                let mut before: Option<Placement> = None;
+                for (_, _, value) in &mut sketch.keys {
+                    if let Some(before) = before {
+                        if matches!(before.whereabouts, Whereabouts::Around(_))
+                            || matches!(value.whereabouts, Whereabouts::Around(_))
+                        {
+                            value.whereabouts = before.whereabouts;
+                        }
+                        value.turn = before.turn.and(value.turn.or(before.turn));
+                    }
+                    before = Some(*value);
+                }
+            }
             let mut lines = Vec::new();
             let moving = keys.into_iter().enumerate().filter(|&(m, _)| header.receivers[m].fixed.is_none());
             for (microphone, (first, mut others)) in moving {
@@ -180,7 +283,10 @@ fn object_score() -> impl Strategy<Value = Document<ObjectSpace>> {
                     lines.push(MicrophoneKey { microphone, time_s, pose: Pose { position_m, facing }, cut });
                 }
             }
-            let threads = mixed(&sketches, &header.sounds).into_iter().map(ObjectLine::Thread);
+            let threads = mixed(&sketches, &header.sounds, false).into_iter().map(|line| match line {
+                Line::Statement(statement) => ObjectLine::Thread(statement),
+                Line::Cue(cue) => ObjectLine::Cue(cue),
+            });
             let lines: Vec<_> = lines.into_iter().map(ObjectLine::Microphone).chain(threads).collect();
             Document::new(header, lines)
         })
@@ -324,25 +430,24 @@ proptest! {
 /// A score of this many lines, as a program writes it: many short threads.
 fn long_score(lines: usize) -> Vec<u8> {
     let header = Header {
-        speed_of_sound_mps: 343.0,
-        duration_s: None,
-        order: Order::Time,
-        sounds: vec![Sound {
-            name: "hit".into(),
-            recording: "hit.wav".into(),
-            repeat: Repeat::Once,
-            channel: None,
-        }],
-        receivers: vec!["left".to_string(), "right".to_string()],
+        sounds: vec![Sound::recording("hit", "hit.wav", Repeat::Once, None)],
+        ..Header::new(Order::Time, vec!["left".to_string(), "right".to_string()])
     };
-    let start =
-        Start { sound: "hit".into(), speed: 1.0, offset_s: 0.0, object: String::new(), cause: String::new() };
+    let start = Start {
+        sound: "hit".into(),
+        speed: 1.0,
+        offset_s: 0.0,
+        object: String::new(),
+        cause: String::new(),
+        pattern: String::new(),
+    };
     let mut writer = ChannelWriter::new(Vec::new(), &header).unwrap();
     for line in 0..lines {
         let time_s = line as f64 / 3.0;
         let verb = if line % 2 == 0 { Verb::Start(start.clone()) } else { Verb::End };
         let value = vec![Arrival { gain: 0.5, delay_s: time_s.sin().abs() }; 2];
-        writer.write(&Statement { thread: line as u64 / 2, time_s, verb, value }).unwrap();
+        let statement = Statement { thread: line as u64 / 2, path: 0, time_s, verb, value };
+        writer.write(&ChannelLine::Thread(statement)).unwrap();
     }
     writer.finish().unwrap()
 }

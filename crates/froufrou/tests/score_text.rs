@@ -2,9 +2,9 @@
 //! and every error message.
 
 use froufrou::score::{
-    AnyDocument, AnyReader, AnySpace, Arrival, ChannelDocument, ChannelReader, ChannelWriter, Header,
-    Microphone, MicrophoneKey, MicrophoneShape, ObjectDocument, ObjectLine, ObjectReader, ObjectWriter,
-    Order, Placement, Pose, Repeat, Sound, Start, Statement, Verb,
+    Action, AnyDocument, AnyReader, AnySpace, Arrival, ChannelDocument, ChannelLine, ChannelReader,
+    ChannelWriter, Header, Make, Microphone, MicrophoneKey, MicrophoneShape, ObjectDocument, ObjectLine,
+    ObjectReader, ObjectWriter, Order, Placement, Pose, Repeat, Sound, Start, Statement, Verb,
 };
 
 const DOCUMENTATION: &str = include_str!("../../../docs/score.md");
@@ -31,15 +31,7 @@ fn the_documentation_shows_one_score_in_each_space() {
     };
     assert_eq!(object.header.duration_s, Some(4.3));
     assert_eq!(object.header.order, Order::Time);
-    assert_eq!(
-        object.header.sounds[0],
-        Sound {
-            name: "siren".into(),
-            recording: "siren.wav".into(),
-            repeat: Repeat::ExactLoop,
-            channel: None
-        }
-    );
+    assert_eq!(object.header.sounds[0], Sound::recording("siren", "siren.wav", Repeat::ExactLoop, None));
     assert_eq!(
         object.header.receivers[1],
         Microphone { name: "right".into(), shape: MicrophoneShape { c: 0.0, k: 1.0 }, fixed: None }
@@ -49,6 +41,7 @@ fn the_documentation_shows_one_score_in_each_space() {
         object.lines[2].line,
         ObjectLine::Thread(Statement {
             thread: 1,
+            path: 0,
             time_s: 0.0,
             verb: Verb::Start(Start {
                 sound: "siren".into(),
@@ -56,8 +49,9 @@ fn the_documentation_shows_one_score_in_each_space() {
                 offset_s: 0.0,
                 object: "ambulance".into(),
                 cause: "runs through the scene".into(),
+                pattern: String::new(),
             }),
-            value: Placement { position_m: [-60.0, 0.0, 12.0], gain: 0.5 },
+            value: Placement::at([-60.0, 0.0, 12.0], 0.5),
         })
     );
     assert_eq!(
@@ -74,10 +68,11 @@ fn the_documentation_shows_one_score_in_each_space() {
         panic!("the second example is in channel space")
     };
     assert_eq!(channel.header.receivers, ["left", "right"]);
-    assert_eq!(channel.lines[2].line.verb, Verb::Key);
+    let said = |index: usize| channel.lines[index].line.statement().unwrap().clone();
+    assert_eq!(said(2).verb, Verb::Key);
     let as_before = vec![Arrival { gain: 0.2, delay_s: 0.09 }, Arrival { gain: 0.22, delay_s: 0.089 }];
-    assert_eq!(channel.lines[2].line.value, as_before);
-    let Verb::Start(start) = &channel.lines[4].line.verb else { panic!("thread 2 starts") };
+    assert_eq!(said(2).value, as_before);
+    let Verb::Start(start) = said(4).verb else { panic!("thread 2 starts") };
     assert_eq!((start.speed, start.offset_s), (2.0, 0.01));
 }
 
@@ -242,7 +237,8 @@ fn the_lines_of_any_score_come_sorted_by_time() {
     for text in [text("", lines), by_thread, by_time] {
         let reader = ChannelReader::new(text.as_bytes()).unwrap().by_time().unwrap();
         assert_eq!(reader.header().order, Order::Time);
-        let lines: Vec<_> = reader.map(|line| line.unwrap()).map(|line| (line.time_s, line.thread)).collect();
+        let lines: Vec<_> =
+            reader.map(|line| line.unwrap()).map(|line| (line.time_s(), line.thread())).collect();
         assert_eq!(lines, [(1.0, 1), (3.0, 1), (3.0, 2), (4.0, 2), (5.0, 1)]);
     }
 }
@@ -373,7 +369,10 @@ fn errors_of_the_header() {
             "sound 2nd \"a.wav\"\n",
             "2:7: expected the sound's name, found `2nd` (a name that is not a letter followed by letters, digits and _ . / - stands in quotes)",
         ),
-        ("sound a\n", "2:8: expected the path of the recording, found the end of the line"),
+        (
+            "sound a\n",
+            "2:8: expected the path of the recording, or what makes the sound, found the end of the line",
+        ),
         ("sound \"\" a\n", "2:7: the sound has an empty name"),
         ("sound a \"\"\n", "2:9: the sound `a` has no recording"),
         ("sound a \"a.wav\" loop\nsound a \"b.wav\"\n", "3:7: the sound `a` is declared twice"),
@@ -463,16 +462,16 @@ fn errors_of_threads() {
         ),
         (
             "start 1 0 siren at 0 0 0 object a b\n",
-            "6:35: unknown word `b`, expected `at`, `gain`, `speed`, `offset`, `object` or `cause`",
+            "6:35: unknown word `b`, expected `at`, `around`, `gain`, `turn`, `speed`, `offset`, `object`, `cause` or `pattern`",
         ),
         (
             "start 1 0 siren at 0 0 0 sped 2\n",
-            "6:26: unknown word `sped`, expected `at`, `gain`, `speed`, `offset`, `object` or `cause` (did you mean `speed`?)",
+            "6:26: unknown word `sped`, expected `at`, `around`, `gain`, `turn`, `speed`, `offset`, `object`, `cause` or `pattern` (did you mean `speed`?)",
         ),
         ("start 1 0 siren at 0 0 0 \"gain\" 1\n", "6:26: expected a keyword, found the quoted text `gain`"),
         (
             "start 1 0 siren at 0 0 0\nkey 1 1 gian 3\n",
-            "7:9: unknown word `gian`, expected `at` or `gain` (did you mean `gain`?)",
+            "7:9: unknown word `gian`, expected `at`, `around`, `gain` or `turn` (did you mean `gain`?)",
         ),
         ("start 1 0 siren at 0 0 0\nkey 1 1 speed 3\n", "7:9: `speed` belongs on the thread's `start` line"),
         (
@@ -498,7 +497,7 @@ fn errors_of_threads() {
         ),
         (
             "start 7 2 wind at 0 0 0\nstart 8 3 wind at 0 0 0\n",
-            "6: thread 7 loops from 2 s on and never ends (add an `end 7 …` line, or a `duration` to the header)",
+            "6: thread 7 sounds from 2 s on and never ends (add an `end 7 …` line, or a `duration` to the header)",
         ),
         (
             "duration 3\nstart 1 0 siren at 0 0 0\nsound b \"b.wav\"\n",
@@ -661,22 +660,13 @@ fn a_reader_stops_at_its_first_error() {
 }
 
 fn channel_header() -> Header<String> {
-    Header {
-        speed_of_sound_mps: 343.0,
-        duration_s: None,
-        order: Order::Free,
-        sounds: vec![Sound {
-            name: "s".into(),
-            recording: "s.wav".into(),
-            repeat: Repeat::Loop,
-            channel: None,
-        }],
-        receivers: vec!["m".into()],
-    }
+    let sounds = vec![Sound::recording("s", "s.wav", Repeat::Loop, None)];
+    Header { sounds, ..Header::new(Order::Free, vec!["m".into()]) }
 }
 
-fn line(verb: Verb, time_s: f64, gain: f64) -> Statement<Vec<Arrival>> {
-    Statement { thread: 1, time_s, verb, value: vec![Arrival { gain, delay_s: 0.0 }] }
+fn line(verb: Verb, time_s: f64, gain: f64) -> ChannelLine {
+    let value = vec![Arrival { gain, delay_s: 0.0 }];
+    ChannelLine::Thread(Statement { thread: 1, path: 0, time_s, verb, value })
 }
 
 fn start(sound: &str) -> Verb {
@@ -686,21 +676,24 @@ fn start(sound: &str) -> Verb {
         offset_s: 0.0,
         object: String::new(),
         cause: String::new(),
+        pattern: String::new(),
     })
 }
 
 #[test]
 fn a_writer_refuses_what_could_not_be_read() {
-    let write = |lines: &[Statement<Vec<Arrival>>]| {
+    let write = |lines: &[ChannelLine]| {
         let mut writer = ChannelWriter::new(Vec::new(), &channel_header())?;
         lines.iter().try_for_each(|line| writer.write(line))?;
         writer.finish()
     };
     assert!(write(&[line(start("s"), 0.0, 1.0), line(Verb::End, 1.0, 1.0)]).is_ok());
     let mut two = line(start("s"), 0.0, 1.0);
-    two.value.push(Arrival { gain: 1.0, delay_s: 0.0 });
+    let ChannelLine::Thread(statement) = &mut two else { panic!() };
+    statement.value.push(Arrival { gain: 1.0, delay_s: 0.0 });
     let mut wordy = line(start("s"), 0.0, 1.0);
-    if let Verb::Start(start) = &mut wordy.verb {
+    let ChannelLine::Thread(statement) = &mut wordy else { panic!() };
+    if let Verb::Start(start) = &mut statement.verb {
         start.cause = "so ".repeat(30_000);
     }
     for (lines, message) in [
@@ -719,7 +712,7 @@ fn a_writer_refuses_what_could_not_be_read() {
         ),
         (
             vec![line(start("s"), 0.5, 1.0)],
-            "5: thread 1 loops from 0.5 s on and never ends (add an `end 1 …` line, or a `duration` to the header)",
+            "5: thread 1 sounds from 0.5 s on and never ends (add an `end 1 …` line, or a `duration` to the header)",
         ),
         (vec![wordy], "a line of 90024 bytes is longer than 65536, the most a score may have"),
     ] {
@@ -734,7 +727,10 @@ fn a_writer_refuses_what_could_not_be_read() {
     assert!(refused(|header| header.receivers.clear()).starts_with("the score declares no channel"));
     assert_eq!(refused(|header| header.receivers.push("m".into())), "the channel `m` is declared twice");
     assert_eq!(refused(|header| header.sounds[0].name.clear()), "the sound has an empty name");
-    assert_eq!(refused(|header| header.sounds[0].recording.clear()), "the sound `s` has no recording");
+    assert_eq!(
+        refused(|header| header.files_mut().for_each(String::clear)),
+        "the sound `s` has no recording"
+    );
     assert_eq!(
         refused(|header| header.duration_s = Some(0.0)),
         "the duration in seconds is 0, but it must be above 0"
@@ -800,7 +796,7 @@ fn a_score_sorted_by_time_is_read_as_it_is_needed() {
     let header = "froufrou-score 1 channel\norder time\nchannels m\nsound s \"s.wav\"\n";
     let source = Endless { waiting: header.into(), thread: 0, given: 0 };
     let lines = ChannelReader::new(std::io::BufReader::new(source)).unwrap().by_time().unwrap();
-    let threads: Vec<u64> = lines.take(6).map(|line| line.unwrap().thread).collect();
+    let threads: Vec<u64> = lines.take(6).map(|line| line.unwrap().thread()).collect();
     assert_eq!(threads, [1, 1, 2, 2, 3, 3]);
 }
 
@@ -819,4 +815,115 @@ fn a_microphone_that_stands_still_needs_no_lines_and_takes_none() {
         error,
         "6:6: microphone `m` stands still where it was declared (leave the place out there if it is to move)"
     );
+}
+
+/// A score that uses all there is for synthesised sounds, paths and ambiences, in canonical form.
+const SYNTHESISED: [&str; 2] = [
+    r#"froufrou-score 1 object
+order time
+speed-of-sound 343
+duration 4
+seed 7
+surroundings "scene.toml"
+microphone left cardioid at 0 1.6 0 facing -1 0 0
+microphone right cardioid at 0 1.6 0 facing 1 0 0
+pattern lobe 1 0 0 0.5
+sound bell modes "bell.json"
+mode bell 440 5.2 1 0 0.5 1
+mode bell 1207.5 9 -0.25
+sound harp string with frequency 220 damping 0.002
+sound siren procedure "siren.rhai" with pitch 700
+sound scrape needle
+sound wind "wind.wav" loop
+start 1 0 bell at 1 0 0 gain 1
+strike 1 0 impulse 0.5 place 1 contact 0.001
+start 2 0.5 siren at 3 0 0 gain 0.5 turn 0 0 0 1 object car pattern lobe
+set 2 0.5 pitch 650 "a name" -1
+set 2 1 pitch 700
+start 3 1 wind around left gain 0.2
+key 3 2 around left gain 0.3
+strike 1 2.5 impulse 1 place 0 contact 0
+end 1 3 at 1 0 0 gain 1
+"#,
+    r#"froufrou-score 1 channel
+order time
+speed-of-sound 343
+duration 4
+seed 18446744073709551615
+channels left right
+sound squeak stick-slip with spacing 0.001
+start 1 0 squeak 1 0.1 0.5 0.2
+set 1 0 speed 0.5
+path 1/2 0 0.1 0.3 0.1 0.31
+key 1/2 0.25 0.1 0.3 0.1 0.31
+end 1/2 0.5 0 0.3 0 0.31
+path 1/2 0.75 0 0.3 0 0.31
+end 1 1 1 0.1 0.5 0.2
+key 1/2 1 0.1 0.3 0.1 0.31
+"#,
+];
+
+#[test]
+fn synthesised_sounds_paths_and_ambiences_read_and_write() {
+    for text in SYNTHESISED {
+        assert_eq!(canonical(text), text);
+    }
+    let AnySpace::Object(score) = AnyDocument::read(SYNTHESISED[0].as_bytes()).unwrap() else { panic!() };
+    let Make::Modes { table: Some(table), modes } = &score.header.sounds[0].make else { panic!() };
+    assert_eq!((table.as_str(), modes.len(), modes[0].points.len()), ("bell.json", 2, 3));
+    assert_eq!(score.header.sounds[1].with[1], ("damping".to_string(), 0.002));
+    let ObjectLine::Cue(cue) = &score.lines[3].line else { panic!() };
+    assert_eq!(cue.action, Action::Set(vec![("pitch".into(), 650.0), ("a name".into(), -1.0)]));
+}
+
+#[test]
+fn faults_of_synthesised_sounds_and_paths_name_their_word() {
+    let object = SYNTHESISED[0];
+    let channel = SYNTHESISED[1];
+    let mut wrong = Vec::new();
+    for (text, from, to, expected) in [
+        (object, "mode bell 440", "mode harp 440", "11:6: a mode of `harp`, which is no sound of `modes`"),
+        (object, "pattern lobe 1 0 0 0.5", "pattern lobe 1 0 0", "9:9: the pattern `lobe` has 3 harmonics"),
+        (
+            object,
+            "car pattern lobe",
+            "car pattern lob",
+            "19:69: unknown pattern `lob` (did you mean `lobe`?)",
+        ),
+        (object, "with pitch 700", "with pitch", "14:46: expected the value, found the end of the line"),
+        (object, "needle", "needle with", "15:25: expected the name of a value"),
+        (object, "frequency 220 damping", "damping 220 damping", "13:36: `damping` is given twice"),
+        (object, "strike 1 2.5 impulse 1", "strike 1 2.5 place 1", "24:"),
+        (object, "set 2 1 pitch 700", "set 3 1 pitch 700", "21:5: `set` of thread 3, which does not sound"),
+        (
+            object,
+            "strike 1 2.5 impulse",
+            "strike 3 2.5 impulse",
+            "24:8: `strike` of thread 3, which plays a recording",
+        ),
+        (object, "around left gain 0.3", "at 0 0 0", "23:17: a thread is at places or around microphones"),
+        (object, "around left gain 0.3", "around right", "23:21: a thread that is around one microphone"),
+        (object, "around left gain 0.2", "around lft", "22:23: unknown microphone `lft`"),
+        (object, "turn 0 0 0 1", "turn 0 0 0 0", "19:48: the turn 0 0 0 0 has no usable length"),
+        (object, "siren at 3", "siren speed 2 at 3", "19:19: `speed` is for recordings"),
+        (object, "key 3 2 around", "key 3/1 2 around", "23:5: thread 3/1 is a path of its own"),
+        (channel, "path 1/2 0 0.1", "path 1/0 0 0.1", "10:6: path 0 of thread 1 is the direct one"),
+        (channel, "path 1/2 0 0.1", "start 1/2 0 squeak 0.1", "10:1: thread 1/2 starts, but a path plays"),
+        (channel, "path 1/2 0 0.1", "path 2/2 0 0.1", "10:6: a path of thread 2, which does not sound"),
+        (channel, "path 1/2 0.75", "path 1/2/3 0.75", "13:6: expected the thread's number"),
+        (channel, "end 1/2 0.5", "key 1/2 0.5", "13:6: path 1/2 began already in line 10"),
+        (
+            channel,
+            "channels left right",
+            "channels left right\nsurroundings \"a\"",
+            "7:1: `surroundings` belongs",
+        ),
+    ] {
+        assert!(text.contains(from), "{from}");
+        let error = AnyDocument::read(text.replacen(from, to, 1).as_bytes()).unwrap_err().to_string();
+        if !error.starts_with(expected) {
+            wrong.push(format!("{from} → {to}\n  found    {error}\n  expected {expected}"));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }

@@ -6,7 +6,8 @@ use std::path::Path;
 
 use froufrou::Result;
 use froufrou::score::{
-    AnyReader, AnySpace, Arrival, ObjectLine, Order, Reader, Repeat, Space, Start, Statement, Verb,
+    AnyReader, AnySpace, Arrival, ChannelLine, Make, ObjectLine, Order, Reader, Repeat, Space, Start,
+    Statement, Verb,
 };
 use serde::Serialize;
 
@@ -25,6 +26,10 @@ pub struct ScoreFindings {
     threads: u64,
     lines: u64,
     microphone_lines: u64,
+    /// Lines that tell synthesised sounds something.
+    cues: u64,
+    /// Paths besides the direct ones.
+    paths: u64,
     times_s: Option<Range>,
     gains: Option<Range>,
     objects: Vec<ObjectFindings>,
@@ -43,8 +48,12 @@ struct Receiver {
 #[derive(Serialize)]
 struct SoundFindings {
     name: String,
-    recording: String,
-    repeat: &'static str,
+    kind: &'static str,
+    /// The recording, table or script.
+    file: Option<String>,
+    /// What it is made with, or how it repeats.
+    with: BTreeMap<String, f64>,
+    repeat: Option<&'static str>,
     channel: Option<usize>,
     threads: u64,
 }
@@ -68,26 +77,37 @@ pub fn read(file: &Path) -> Result<ScoreFindings> {
             let microphones = receivers.collect();
             let found = count(reader, |line| match line {
                 ObjectLine::Thread(Statement { time_s, verb, value, .. }) => {
-                    (time_s, Some((verb, vec![value.gain])))
+                    (time_s, Said::Thread(verb, vec![value.gain]))
                 }
-                ObjectLine::Microphone(key) => (key.time_s, None),
+                ObjectLine::Cue(cue) => (cue.time_s, Said::Cue),
+                ObjectLine::Microphone(key) => (key.time_s, Said::Microphone),
             })?;
             Ok(ScoreFindings { microphones, ..found })
         }
         AnySpace::Channel(reader) => {
             let channels = reader.header().receivers.clone();
-            let found = count(reader, |line| {
-                let gains = line.value.iter().map(|Arrival { gain, .. }| *gain).collect();
-                (line.time_s, Some((line.verb, gains)))
+            let found = count(reader, |line| match line {
+                ChannelLine::Thread(line) => {
+                    let gains = line.value.iter().map(|Arrival { gain, .. }| *gain).collect();
+                    (line.time_s, Said::Thread(line.verb, gains))
+                }
+                ChannelLine::Cue(cue) => (cue.time_s, Said::Cue),
             })?;
             Ok(ScoreFindings { channels, ..found })
         }
     }
 }
 
+/// What a line says.
+enum Said {
+    Thread(Verb, Vec<f64>),
+    Cue,
+    Microphone,
+}
+
 fn count<S: Space, R: BufRead>(
     reader: Reader<S, R>,
-    parts: impl Fn(S::Line) -> (f64, Option<(Verb, Vec<f64>)>),
+    parts: impl Fn(S::Line) -> (f64, Said),
 ) -> Result<ScoreFindings> {
     let header = reader.header();
     let mut found = ScoreFindings {
@@ -105,6 +125,8 @@ fn count<S: Space, R: BufRead>(
         threads: 0,
         lines: 0,
         microphone_lines: 0,
+        cues: 0,
+        paths: 0,
         times_s: None,
         gains: None,
         objects: Vec::new(),
@@ -115,13 +137,21 @@ fn count<S: Space, R: BufRead>(
     let mut objects: BTreeMap<String, u64> = BTreeMap::new();
     for line in reader {
         found.lines += 1;
-        let (time_s, thread) = parts(line?);
+        let (time_s, said) = parts(line?);
         Range::widen(&mut found.times_s, time_s);
-        let Some((verb, gains)) = thread else {
-            found.microphone_lines += 1;
-            continue;
+        let (verb, gains) = match said {
+            Said::Thread(verb, gains) => (verb, gains),
+            Said::Cue => {
+                found.cues += 1;
+                continue;
+            }
+            Said::Microphone => {
+                found.microphone_lines += 1;
+                continue;
+            }
         };
         gains.into_iter().for_each(|gain| Range::widen(&mut found.gains, gain));
+        found.paths += u64::from(verb == Verb::Path);
         if let Verb::Start(Start { sound, object, .. }) = verb {
             found.threads += 1;
             *played.entry(sound).or_default() += 1;
@@ -135,13 +165,19 @@ fn count<S: Space, R: BufRead>(
     let sounds = sounds.into_iter().map(|sound| SoundFindings {
         threads: played.get(&sound.name).copied().unwrap_or(0),
         name: sound.name,
-        recording: sound.recording,
-        repeat: match sound.repeat {
-            Repeat::Once => "once",
-            Repeat::Loop => "loop",
-            Repeat::ExactLoop => "loop exact",
+        kind: sound.make.kind(),
+        file: sound.make.file().map(str::to_owned),
+        with: sound.with.into_iter().collect(),
+        repeat: match sound.make {
+            Make::Recording { repeat: Repeat::Once, .. } => Some("once"),
+            Make::Recording { repeat: Repeat::Loop, .. } => Some("loop"),
+            Make::Recording { repeat: Repeat::ExactLoop, .. } => Some("loop exact"),
+            _ => None,
         },
-        channel: sound.channel,
+        channel: match sound.make {
+            Make::Recording { channel, .. } => channel,
+            _ => None,
+        },
     });
     found.sounds = sounds.collect();
     found.objects = objects.into_iter().map(|(name, threads)| ObjectFindings { name, threads }).collect();
@@ -160,7 +196,14 @@ impl Findings for ScoreFindings {
             .fact_if("duration", self.duration_s.map(|s| format!("{} s", number(s))))
             .fact("speed of sound", format!("{} m/s", number(self.speed_of_sound_mps)))
             .fact("threads", self.threads)
-            .fact("lines", format!("{}, {} of them of microphones", self.lines, self.microphone_lines))
+            .fact_if("further paths", Some(self.paths).filter(|&paths| paths > 0))
+            .fact(
+                "lines",
+                format!(
+                    "{}, {} of them of microphones, {} cues",
+                    self.lines, self.microphone_lines, self.cues
+                ),
+            )
             .fact_if("times", self.times_s.as_ref().map(|r| format!("{} s", range(r))))
             .fact_if("gains", self.gains.as_ref().map(range));
         if !self.channels.is_empty() {
@@ -172,16 +215,18 @@ impl Findings for ScoreFindings {
         });
         sheet.table(&["microphone", "shape", "position (m)"], microphones);
         let sounds = self.sounds.iter().map(|sound| {
-            let channel = sound.channel.map_or_else(|| "all".to_owned(), |channel| channel.to_string());
+            let channel = sound.channel.map(|channel| format!("channel {channel}"));
+            let with = sound.with.iter().map(|(name, value)| format!("{name} {}", number(*value)));
+            let made = sound.repeat.map(str::to_owned).into_iter().chain(channel).chain(with);
             vec![
                 sound.name.clone(),
-                sound.recording.clone(),
-                sound.repeat.to_owned(),
-                channel,
+                sound.kind.to_owned(),
+                sound.file.clone().unwrap_or_default(),
+                made.collect::<Vec<_>>().join(", "),
                 sound.threads.to_string(),
             ]
         });
-        sheet.table(&["sound", "recording", "plays", "channel", "threads"], sounds);
+        sheet.table(&["sound", "kind", "file", "plays", "threads"], sounds);
         let objects = self.objects.iter().map(|object| (object.name.clone(), object.threads));
         let without = Some(("(none)".to_owned(), self.threads_without_object)).filter(|(_, n)| *n > 0);
         let objects = objects.chain(without).map(|(name, threads)| vec![name, threads.to_string()]);

@@ -9,8 +9,8 @@ use std::path::{Component, Path};
 use froufrou::Result;
 use froufrou::corpus::recording::Recording;
 use froufrou::score::{
-    AnyReader, AnySpace, Arrival, Header, ObjectLine, Pose, Reader, Repeat, Sound, Space, Start, Statement,
-    Verb,
+    AnyReader, AnySpace, Arrival, ChannelLine, Header, Make, ObjectLine, Pose, Reader, Repeat, Sound, Space,
+    Start, Statement, Verb, Whereabouts,
 };
 
 /// A thread at a moment.
@@ -110,10 +110,15 @@ pub fn walk(file: &Path, see: &mut dyn FnMut(Seen<'_>)) -> Result<Facts> {
             }
             let mut last: BTreeMap<usize, (f64, Pose)> = BTreeMap::new();
             walk_through(file, reader, names, true, see, |line, see| match line {
-                ObjectLine::Thread(Statement { thread, time_s, verb, value }) => {
-                    let place = Place { time_s, gain: value.gain, position_m: Some(value.position_m) };
+                ObjectLine::Thread(Statement { thread, time_s, verb, value, .. }) => {
+                    let position_m = match value.whereabouts {
+                        Whereabouts::At(position_m) => Some(position_m),
+                        Whereabouts::Around(_) => None,
+                    };
+                    let place = Place { time_s, gain: value.gain, position_m };
                     Some((thread, verb, place))
                 }
+                ObjectLine::Cue(_) => None,
                 ObjectLine::Microphone(key) => {
                     let before = last.insert(key.microphone, (key.time_s, key.pose));
                     see(Seen::Microphone(MicrophoneStep {
@@ -130,6 +135,11 @@ pub fn walk(file: &Path, see: &mut dyn FnMut(Seen<'_>)) -> Result<Facts> {
         AnySpace::Channel(reader) => {
             let names = reader.header().receivers.clone();
             walk_through(file, reader, names, false, see, |line, _| {
+                // What a thread's further paths do is as much its own, and would only hide it.
+                let ChannelLine::Thread(line) = line else { return None };
+                if line.path > 0 {
+                    return None;
+                }
                 let gain = line.value.iter().map(|Arrival { gain, .. }| *gain).fold(0.0, f64::max);
                 Some((line.thread, line.verb, Place { time_s: line.time_s, gain, position_m: None }))
             })
@@ -322,11 +332,9 @@ impl Walker {
 }
 
 fn length_of(sound: &Sound, folder: &Path) -> Length {
-    if sound.repeat != Repeat::Once {
-        return Length::Loop;
-    }
+    let Make::Recording { path, repeat: Repeat::Once, .. } = &sound.make else { return Length::Loop };
     // A score may come from anybody: files outside of its folder are not opened for a picture.
-    let path = Path::new(&sound.recording);
+    let path = Path::new(path);
     if !path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir)) {
         return Length::Unknown;
     }

@@ -82,7 +82,11 @@ where
             let next = mixer.next_s().map_or(LAST_FRAME, |next_s| first_frame(next_s, rate_hz));
             to = to.max(next).min(from);
         }
-        mixer.read_to(to)?;
+        if at < from {
+            mixer.skip_to(to)?
+        } else {
+            mixer.read_to(to)?
+        }
         let arrived = mixer.is_read().then(|| first_frame(mixer.last_arrival_s(), rate_hz));
         let limit = match (end, arrived) {
             (None, arrived) => arrived,

@@ -21,12 +21,8 @@ use crate::score::{
     Repeat,
 };
 use crate::space::propagation::{Propagation, channel_header};
-use crate::synth::prototypes;
-use crate::synth::voice::Prototype;
+use crate::synth::prototypes::{self, Soundings};
 use crate::{Error, Result};
-
-/// The sounds of a score, by name and ready to be played.
-pub type Prototypes = Vec<(String, Prototype)>;
 
 /// Lines of a score in channel space, in time order, as they are asked for.
 pub type ChannelLines<'a> = Box<dyn Iterator<Item = Result<ChannelLine>> + Send + 'a>;
@@ -40,7 +36,7 @@ pub struct Production {
     /// The header of its score.
     pub header: ObjectHeader,
     /// What it plays.
-    pub prototypes: Prototypes,
+    pub prototypes: Soundings,
     /// When it is over for sounds that run through it, in seconds.
     end_s: f64,
 }
@@ -122,8 +118,8 @@ fn end_s(scene: &Scene, world: &World) -> Result<f64> {
 }
 
 /// How long each sound lasts at speed 1, in seconds.
-pub fn lengths_s(prototypes: &Prototypes) -> impl Iterator<Item = (String, f64)> + '_ {
-    prototypes.iter().map(|(name, prototype)| (name.clone(), prototype.duration_s()))
+pub fn lengths_s(prototypes: &Soundings) -> impl Iterator<Item = (String, f64)> + '_ {
+    prototypes.iter().map(|(name, sounding)| (name.clone(), sounding.duration_s()))
 }
 
 /// A score from a file, made ready to be mixed: its header in channel space, its sounds and its
@@ -133,7 +129,7 @@ pub fn lengths_s(prototypes: &Prototypes) -> impl Iterator<Item = (String, f64)>
 ///
 /// # Errors
 /// A score or recording that cannot be read.
-pub fn open_score(path: &Path) -> Result<(ChannelHeader, Prototypes, ChannelLines<'static>)> {
+pub fn open_score(path: &Path) -> Result<(ChannelHeader, Soundings, ChannelLines<'static>)> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let named = |fault: Error| fault.in_file(path);
     match AnyReader::open(path)? {

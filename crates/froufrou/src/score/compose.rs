@@ -9,8 +9,8 @@ use std::collections::{BTreeMap, BinaryHeap, HashMap, VecDeque};
 use std::iter::Peekable;
 
 use super::{
-    Header, Microphone, MicrophoneKey, ObjectHeader, ObjectLine, Order, Placement, Repeat, Sound, Start,
-    Statement, Verb,
+    Header, Make, Microphone, MicrophoneKey, ObjectHeader, ObjectLine, Order, Placement, Repeat, Sound,
+    Start, Statement, Verb,
 };
 use crate::motion::event::{Event, Impact};
 use crate::motion::impact::LogImpacts;
@@ -49,6 +49,9 @@ pub fn header(scene: &Scene, world: &World) -> Result<ObjectHeader> {
     Ok(Header {
         speed_of_sound_mps: scene.speed_of_sound_mps,
         duration_s: scene.duration_s,
+        seed: scene.seed,
+        surroundings: None,
+        patterns: Vec::new(),
         order: Order::Time,
         sounds: sounds.sounds,
         receivers,
@@ -76,12 +79,12 @@ impl Palette {
         let taken = |name: &str| self.sounds.iter().any(|s| s.name == name);
         let numbered = (2..).map(|n| format!("{base}-{n}"));
         let name = std::iter::once(base.clone()).chain(numbered).find(|name| !taken(name)).unwrap_or(base);
-        self.sounds.push(Sound { name, recording: asset.name.clone(), repeat, channel });
+        self.sounds.push(Sound::recording(name, asset.name.clone(), repeat, channel));
     }
 }
 
 fn is(sound: &Sound, asset: &Asset, repeat: Repeat, channel: Option<usize>) -> bool {
-    sound.recording == asset.name && sound.repeat == repeat && sound.channel == channel
+    sound.make == Make::Recording { path: asset.name.clone(), repeat, channel }
 }
 
 /// What happens in a scene by itself, told by its contact logs, in time order.
@@ -349,8 +352,8 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         let gain = gain_at(&voice.gain, time_s);
         let before_s = std::mem::replace(&mut voice.passed_s, time_s);
         let line = |verb, position_m| {
-            let value = Placement { position_m, gain };
-            ObjectLine::Thread(Statement { thread: id, time_s, verb, value })
+            let value = Placement::at(position_m, gain);
+            ObjectLine::Thread(Statement { thread: id, path: 0, time_s, verb, value })
         };
         let jumps = voice.start.is_none() && voice.carrier.jumps_at(time_s, before_s)?;
         let ends = time_s >= voice.end_s;
@@ -427,7 +430,8 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         let loudest = from_db(sound.gain_db + key.gain_db) * sound.reference_distance_m;
         let gain = faded(loudest, planned.time_s, end_s, sound.fade_in_s, sound.fade_out_s);
         let cause = if planned.key.is_some() { "set by hand" } else { "runs through the scene" };
-        let start = Start { sound: name, speed, offset_s: 0.0, object, cause: cause.into() };
+        let start =
+            Start { sound: name, speed, offset_s: 0.0, object, cause: cause.into(), pattern: String::new() };
         self.begin(planned.time_s, carrier, gain, end_s, start);
         Ok(())
     }
@@ -484,7 +488,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             "{body} struck by {other}, {:.4} N s, {}:{}-{}",
             impact.impulse_ns, impact.cause.log, impact.cause.first_line, impact.cause.last_line
         );
-        let start = Start { sound: name, speed, offset_s: 0.0, object, cause };
+        let start = Start { sound: name, speed, offset_s: 0.0, object, cause, pattern: String::new() };
         self.begin(impact.time_s, carrier, vec![(impact.time_s, gain)], end_s, start);
         Ok(())
     }

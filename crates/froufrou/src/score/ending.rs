@@ -14,7 +14,7 @@ pub struct Ending<S: Space, L> {
     lines: L,
     lengths_s: HashMap<String, f64>,
     duration_s: Option<f64>,
-    open: BTreeMap<u64, Open<S>>,
+    open: BTreeMap<(u64, u32), Open<S>>,
     ends: Option<VecDeque<S::Line>>,
 }
 
@@ -39,32 +39,38 @@ impl<S: Space, L: Iterator<Item = Result<S::Line>>> Ending<S, L> {
 
     fn note(&mut self, line: &S::Line) {
         let LineRef::Thread(statement) = S::of_line(line) else { return };
+        let of = (statement.thread, statement.path);
         match &statement.verb {
+            Verb::Path => {
+                let Some(direct) = self.open.get(&(statement.thread, 0)) else { return };
+                let (over_s, value) = (direct.over_s, statement.value.clone());
+                self.open.insert(of, Open { over_s, last_s: statement.time_s, value });
+            }
             Verb::Start(start) => {
                 let length_s = self.lengths_s.get(&start.sound).copied().unwrap_or(0.0);
                 let over_s = statement.time_s + (length_s - start.offset_s).max(0.0) / start.speed;
                 let open = Open { over_s, last_s: statement.time_s, value: statement.value.clone() };
-                self.open.insert(statement.thread, open);
+                self.open.insert(of, open);
             }
             Verb::Key | Verb::Jump => {
-                if let Some(open) = self.open.get_mut(&statement.thread) {
+                if let Some(open) = self.open.get_mut(&of) {
                     open.last_s = statement.time_s;
                     open.value.clone_from(&statement.value);
                 }
             }
             Verb::End => {
-                self.open.remove(&statement.thread);
+                self.open.remove(&of);
             }
         }
     }
 
     fn ends(&mut self) -> VecDeque<S::Line> {
         let duration_s = self.duration_s;
-        let ends = std::mem::take(&mut self.open).into_iter().map(|(thread, open)| {
+        let ends = std::mem::take(&mut self.open).into_iter().map(|((thread, path), open)| {
             let over_s =
                 if open.over_s.is_finite() { open.over_s } else { duration_s.unwrap_or(open.last_s) };
             let time_s = over_s.max(open.last_s);
-            Statement { thread, time_s, verb: Verb::End, value: open.value }
+            Statement { thread, path, time_s, verb: Verb::End, value: open.value }
         });
         let mut ends: Vec<Statement<S::Value>> = ends.collect();
         ends.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
@@ -108,8 +114,11 @@ mod tests {
         let lengths = [("hit".to_string(), 1.5), ("hum".to_string(), f64::INFINITY)];
         let lines = Ending::<ChannelSpace, _>::new(reader, lengths, Some(9.0));
         let ends: Vec<_> = lines.map(Result::unwrap).skip(5).collect();
-        let found: Vec<_> =
-            ends.iter().map(|l| (l.thread, l.time_s, l.value[0].gain, l.verb == Verb::End)).collect();
+        let found: Vec<_> = ends
+            .iter()
+            .filter_map(|line| line.statement())
+            .map(|l| (l.thread, l.time_s, l.value[0].gain, l.verb == Verb::End))
+            .collect();
         assert_eq!(found, [(1, 1.0, 1.0, true), (2, 9.0, 0.25, true)]);
     }
 }

@@ -336,6 +336,22 @@ impl<'a> Words<'a> {
         }
     }
 
+    /// A thread's number, and that of its path behind a stroke, which is 0 where it is left out.
+    pub fn thread(&mut self) -> Result<(u64, u32)> {
+        let expected = "the thread's number, a whole number from 0";
+        let word = match self.next()? {
+            Some(Word::Bare(word)) => word,
+            other => return Err(self.unexpected(expected, other.as_ref())),
+        };
+        let (number, path) = word.split_once('/').unwrap_or((word, "0"));
+        let digits = |part: &str| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit());
+        if !digits(number) || !digits(path) {
+            return Err(self.unexpected(expected, Some(&Word::Bare(word))));
+        }
+        let large = |_| self.fault(format!("the thread's number, {}, is too large", shown(word)));
+        Ok((number.parse().map_err(large)?, path.parse().map_err(large)?))
+    }
+
     /// Makes sure that nothing but a comment is left.
     pub fn end(&mut self) -> Result<()> {
         match self.next()? {

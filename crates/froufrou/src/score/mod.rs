@@ -9,7 +9,8 @@
 //! A *thread* is one sounding instance: it starts, has keys and ends. All times of a thread are in
 //! the time of its source (when the sound leaves, not when it arrives), in seconds. A thread without
 //! an `end` goes on as at its last line until its recording is over or, where that loops, until the
-//! score's duration.
+//! score's duration. A synthesised sound is told by *cues* what happens to it, and in channel space
+//! the sound of one thread may arrive by several *paths*.
 //!
 //! A score is also a text, described in `docs/score.md`, which says exactly what is in memory: a
 //! [`Reader`] takes it in line by line, a [`Writer`] puts it out line by line, and a [`Document`]
@@ -53,12 +54,113 @@ pub const LONGEST_DELAY_S: f64 = 3600.0;
 pub struct Sound {
     /// The name that `start` lines use.
     pub name: String,
-    /// The recording's path, relative to the folder of the score, with `/` between parts.
-    pub recording: String,
-    /// How it repeats.
-    pub repeat: Repeat,
-    /// The channel of the recording that is played, from 0; all of them averaged where `None`.
-    pub channel: Option<usize>,
+    /// What makes it.
+    pub make: Make,
+    /// Numbers that a synthesised sound is made with, by name: what its kind understands is in
+    /// [`synth`](crate::synth). None for a recording.
+    pub with: Vec<(String, f64)>,
+}
+
+impl Sound {
+    /// A recording that is played.
+    pub fn recording(
+        name: impl Into<String>,
+        path: impl Into<String>,
+        repeat: Repeat,
+        channel: Option<usize>,
+    ) -> Self {
+        Self { name: name.into(), make: Make::Recording { path: path.into(), repeat, channel }, with: vec![] }
+    }
+
+    /// True where it goes on until its thread ends, not by itself.
+    pub fn is_endless(&self) -> bool {
+        !matches!(&self.make, Make::Recording { repeat: Repeat::Once, .. })
+    }
+}
+
+/// What makes a sound. Paths are relative to the folder of the score, with `/` between parts.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Make {
+    /// A recording.
+    Recording {
+        /// The file.
+        path: String,
+        /// How it repeats.
+        repeat: Repeat,
+        /// The channel of the recording that is played, from 0; all of them averaged where `None`.
+        channel: Option<usize>,
+    },
+    /// A string that is plucked or struck.
+    String,
+    /// A bar that is struck.
+    Bar,
+    /// Any body that is struck, by its modes.
+    Modes {
+        /// A file with a table of them.
+        table: Option<String>,
+        /// Those that stand in the score itself.
+        modes: Vec<Mode>,
+    },
+    /// A needle that follows a rough surface.
+    Needle,
+    /// Something that sticks and slips.
+    StickSlip,
+    /// Air that is stirred.
+    Turbulence,
+    /// A procedure that a script describes.
+    Procedure {
+        /// The script.
+        script: String,
+    },
+}
+
+impl Make {
+    /// The path of the file that it needs, if it needs one.
+    pub fn file(&self) -> Option<&str> {
+        match self {
+            Make::Recording { path: file, .. }
+            | Make::Modes { table: Some(file), .. }
+            | Make::Procedure { script: file } => Some(file),
+            _ => None,
+        }
+    }
+
+    fn file_mut(&mut self) -> Option<&mut String> {
+        match self {
+            Make::Recording { path: file, .. }
+            | Make::Modes { table: Some(file), .. }
+            | Make::Procedure { script: file } => Some(file),
+            _ => None,
+        }
+    }
+
+    /// What it is called.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Make::Recording { .. } => "recording",
+            Make::String => "string",
+            Make::Bar => "bar",
+            Make::Modes { .. } => "modes",
+            Make::Needle => "needle",
+            Make::StickSlip => "stick-slip",
+            Make::Turbulence => "turbulence",
+            Make::Procedure { .. } => "procedure",
+        }
+    }
+}
+
+/// One way in which a body rings.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mode {
+    /// In hertz.
+    pub frequency_hz: f64,
+    /// How fast it dies away: the amplitude falls as e^(−d t).
+    pub decay_per_s: f64,
+    /// Its amplitude after a strike of 1 N s.
+    pub gain: f64,
+    /// Factors on the gain by where the body is struck, one for each of its points; none where it is
+    /// all the same.
+    pub points: Vec<f64>,
 }
 
 /// How a recording goes on at its end.
@@ -79,6 +181,13 @@ pub struct Header<R> {
     pub speed_of_sound_mps: f64,
     /// Length of the soundtrack in seconds; `None`: until the last thread has ended and arrived.
     pub duration_s: Option<f64>,
+    /// What all that is random in synthesised sounds follows from.
+    pub seed: u64,
+    /// Object space: the scene whose bodies reflect and hide sounds, as a path relative to the folder
+    /// of the score.
+    pub surroundings: Option<String>,
+    /// Object space: how sources radiate into different directions.
+    pub patterns: Vec<Pattern>,
     /// How the lines are sorted.
     pub order: Order,
     /// What the threads play.
@@ -86,6 +195,38 @@ pub struct Header<R> {
     /// Who receives: microphones in object space, channel names in channel space; one output
     /// channel each, in order.
     pub receivers: Vec<R>,
+}
+
+impl<R> Header<R> {
+    /// A header that says nothing but who receives.
+    pub fn new(order: Order, receivers: Vec<R>) -> Self {
+        Self {
+            speed_of_sound_mps: 343.0,
+            duration_s: None,
+            seed: 0,
+            surroundings: None,
+            patterns: Vec::new(),
+            order,
+            sounds: Vec::new(),
+            receivers,
+        }
+    }
+
+    /// The paths of all files that the score needs.
+    pub fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
+        let sounds = self.sounds.iter_mut().filter_map(|sound| sound.make.file_mut());
+        sounds.chain(self.surroundings.as_mut())
+    }
+}
+
+/// How a source radiates into different directions.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pattern {
+    /// The name that `start` lines use.
+    pub name: String,
+    /// Its spherical harmonics, 1, 4, 9 or 16 of them: see
+    /// [`space::directivity`](crate::space::directivity).
+    pub harmonics: Vec<f64>,
 }
 
 /// How the lines of a score are sorted.
@@ -135,10 +276,30 @@ pub struct Pose {
 /// The value of a key in object space: where the source is and how loud it is 1 m away.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
-    /// World position in metres.
-    pub position_m: [f64; 3],
-    /// Pressure gain at a distance of 1 m, 0 or above.
+    /// Where it is.
+    pub whereabouts: Whereabouts,
+    /// Pressure gain at a distance of 1 m, 0 or above; in a microphone's ambience that at the
+    /// microphone.
     pub gain: f64,
+    /// How the source is turned, as a quaternion x, y, z, w from its own directions to those of the
+    /// world, for those that do not radiate evenly. `None`: not at all.
+    pub turn: Option<[f64; 4]>,
+}
+
+/// Where a source is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Whereabouts {
+    /// A place in the world, in metres.
+    At([f64; 3]),
+    /// All around a microphone, by its index: an ambience that only it hears.
+    Around(usize),
+}
+
+impl Placement {
+    /// A source at a place.
+    pub fn at(position_m: [f64; 3], gain: f64) -> Self {
+        Self { whereabouts: Whereabouts::At(position_m), gain, turn: None }
+    }
 }
 
 /// The value of a key in channel space, for one channel.
@@ -163,6 +324,8 @@ pub struct Start {
     pub object: String,
     /// Why it sounds, in a few words for the log. Empty: not said.
     pub cause: String,
+    /// Object space: the name of the [`Pattern`] by which it radiates. Empty: evenly.
+    pub pattern: String,
 }
 
 /// What a line does with its thread.
@@ -170,6 +333,8 @@ pub struct Start {
 pub enum Verb {
     /// The thread begins.
     Start(Start),
+    /// Channel space: another path of the thread's sound begins, such as by a wall.
+    Path,
     /// It passes through a value.
     Key,
     /// It is suddenly elsewhere: what led here fades out while what follows fades in.
@@ -183,6 +348,8 @@ pub enum Verb {
 pub struct Statement<V> {
     /// The thread's number.
     pub thread: u64,
+    /// The path: 0 is the direct one, and the only one there is in object space.
+    pub path: u32,
     /// When, in seconds of the source's time.
     pub time_s: f64,
     /// What it does.
@@ -204,17 +371,82 @@ pub struct MicrophoneKey {
     pub cut: bool,
 }
 
+/// Something that is said to a synthesised sound.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cue {
+    /// The number of its thread, which has started.
+    pub thread: u64,
+    /// When, in seconds of the source's time.
+    pub time_s: f64,
+    /// What is said.
+    pub action: Action,
+}
+
+/// What is said to a synthesised sound.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Action {
+    /// Controls have these values now; between two such lines a control changes evenly.
+    Set(Vec<(String, f64)>),
+    /// It is struck.
+    Strike(Blow),
+}
+
+/// What strikes a synthesised sound.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Blow {
+    /// How hard, in newton seconds.
+    pub impulse_ns: f64,
+    /// Where: along a string or bar from 0 to 1, else the number of a point, from 0.
+    pub place: f64,
+    /// How long the striker touches, in seconds; 0 where it is as hard as can be.
+    pub contact_s: f64,
+}
+
 /// A line of a score in object space.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ObjectLine {
     /// A line of a sounding thread.
     Thread(Statement<Placement>),
+    /// Something said to a synthesised sound.
+    Cue(Cue),
     /// A line of a microphone.
     Microphone(MicrophoneKey),
 }
 
-/// A line of a score in channel space: one [`Arrival`] for every channel.
-pub type ChannelLine = Statement<Vec<Arrival>>;
+/// A line of a score in channel space.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ChannelLine {
+    /// A line of a path of a sounding thread: one [`Arrival`] for every channel.
+    Thread(Statement<Vec<Arrival>>),
+    /// Something said to a synthesised sound.
+    Cue(Cue),
+}
+
+impl ChannelLine {
+    /// When, in seconds of the source's time.
+    pub fn time_s(&self) -> f64 {
+        match self {
+            ChannelLine::Thread(statement) => statement.time_s,
+            ChannelLine::Cue(cue) => cue.time_s,
+        }
+    }
+
+    /// The number of its thread.
+    pub fn thread(&self) -> u64 {
+        match self {
+            ChannelLine::Thread(statement) => statement.thread,
+            ChannelLine::Cue(cue) => cue.thread,
+        }
+    }
+
+    /// What it says of a thread's way, if it does.
+    pub fn statement(&self) -> Option<&Statement<Vec<Arrival>>> {
+        match self {
+            ChannelLine::Thread(statement) => Some(statement),
+            ChannelLine::Cue(_) => None,
+        }
+    }
+}
 
 /// The header of a score in object space.
 pub type ObjectHeader = Header<Microphone>;

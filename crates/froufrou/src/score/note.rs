@@ -55,7 +55,12 @@ pub enum Declared {
     Order,
     SpeedOfSound,
     Duration,
+    Seed,
+    Surroundings,
     /// From which receiver on.
     Receiver(usize),
+    Pattern(usize),
     Sound(usize),
+    /// A mode of a sound.
+    Mode(usize, usize),
 }

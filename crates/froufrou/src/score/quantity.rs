@@ -33,11 +33,20 @@ pub const PLAYBACK_SPEED: Quantity = quantity("the playback speed", Bound::Posit
 pub const OFFSET: Quantity = quantity("the offset in seconds", Bound::NotNegative);
 pub const SHAPE_C: Quantity = quantity("the shape's c", Bound::NotNegative);
 pub const SHAPE_K: Quantity = quantity("the shape's k", Bound::NotNegative);
+pub const PARAMETER: Quantity = quantity("the value", Bound::Finite);
+pub const HARMONIC: Quantity = quantity("the harmonic", Bound::Finite);
+pub const FREQUENCY: Quantity = quantity("the frequency in hertz", Bound::Positive);
+pub const DECAY: Quantity = quantity("the decay per second", Bound::NotNegative);
+pub const MODE_GAIN: Quantity = quantity("the gain of the mode", Bound::Finite);
+pub const IMPULSE: Quantity = quantity("the impulse in newton seconds", Bound::NotNegative);
+pub const STRIKE_PLACE: Quantity = quantity("the place of the strike", Bound::NotNegative);
+pub const CONTACT: Quantity = quantity("the time of contact in seconds", Bound::NotNegative);
 pub const POSITION: [Quantity; 3] = [
     quantity("the place's x in metres", Bound::Finite),
     quantity("the place's y in metres", Bound::Finite),
     quantity("the place's z in metres", Bound::Finite),
 ];
+pub const TURN: Quantity = quantity("the turn", Bound::Finite);
 pub const FACING: [Quantity; 3] = [
     quantity("the facing direction's x", Bound::Finite),
     quantity("the facing direction's y", Bound::Finite),
@@ -86,6 +95,16 @@ pub fn check_facing(facing: [f64; 3]) -> Result<[f64; 3]> {
     }
     Err(Error::new(format!("the facing direction {x} {y} {z} has no usable length"))
         .help("give any vector that points where the microphone faces, such as `0 0 -1`"))
+}
+
+/// A turn is a quaternion of any length that can be computed.
+pub fn check_turn(turn: [f64; 4]) -> Result<[f64; 4]> {
+    if turn.iter().map(|c| c * c).sum::<f64>().is_normal() {
+        return Ok(turn);
+    }
+    let [x, y, z, w] = turn;
+    Err(Error::new(format!("the turn {x} {y} {z} {w} has no usable length"))
+        .help("give a quaternion x y z w, such as `0 0 0 1` for none"))
 }
 
 #[cfg(test)]

@@ -10,10 +10,10 @@ use super::note::{Declared, Note};
 use super::rules::Rules;
 use super::space::{ChannelSpace, ObjectSpace, Space, once};
 use super::syntax::{
-    is_thread_verb, is_verb, place, read_first_line, read_microphone_key, read_sound, read_statement,
-    unknown_keyword,
+    is_cue_verb, is_thread_verb, is_verb, place, read_cue, read_first_line, read_microphone_key, read_mode,
+    read_pattern, read_sound, read_statement, unknown_keyword,
 };
-use super::{Header, Order, quantity};
+use super::{Header, Make, Order, quantity};
 use crate::{Error, Place, Result};
 
 /// Reads a score line by line: an iterator over the lines after the header, in the order of the
@@ -96,13 +96,7 @@ impl<S: Space, R: BufRead> Reader<S, R> {
         let mut reader = Self {
             lines: first.lines,
             file: first.file,
-            header: Header {
-                speed_of_sound_mps: 343.0,
-                duration_s: None,
-                order: Order::Free,
-                sounds: Vec::new(),
-                receivers: Vec::new(),
-            },
+            header: Header::new(Order::Free, Vec::new()),
             rules: Rules::new(!S::RECEIVER_VERBS.is_empty()),
             note: first.note.as_ref().map(|_| Note::default()),
             header_notes: first.note.into_iter().map(|note| (Declared::FirstLine, note)).collect(),
@@ -171,6 +165,33 @@ impl<S: Space, R: BufRead> Reader<S, R> {
                     header.sounds.push(sound);
                     Declared::Sound(header.sounds.len() - 1)
                 }
+                "mode" => {
+                    let (name, mode) = read_mode(&mut words)?;
+                    let index = header.sounds.iter().position(|sound| sound.name == name);
+                    let made = index.and_then(|index| Some((index, &mut header.sounds.get_mut(index)?.make)));
+                    let Some((index, Make::Modes { modes, .. })) = made else {
+                        let what = format!("a mode of `{name}`, which is no sound of `modes` declared above");
+                        return Err(words.place_at_word(1, Error::new(what)));
+                    };
+                    modes.push(mode);
+                    Declared::Mode(index, modes.len() - 1)
+                }
+                "seed" => {
+                    let seed = words.whole("the seed")?;
+                    once(&mut given.seed, keyword, &words, seed)?;
+                    Declared::Seed
+                }
+                "surroundings" if S::HAS_PLACES => {
+                    let scene = words.name("the path of the scene")?.into_owned();
+                    once(&mut header.surroundings, keyword, &words, scene)?;
+                    Declared::Surroundings
+                }
+                "pattern" if S::HAS_PLACES => {
+                    let pattern = read_pattern(&mut words)?;
+                    rules.declare_pattern(&pattern).map_err(|fault| place(&words, fault))?;
+                    header.patterns.push(pattern);
+                    Declared::Pattern(header.patterns.len() - 1)
+                }
                 _ if keyword == S::RECEIVER_KEYWORD => {
                     let index = header.receivers.len();
                     S::read_receivers(&mut words, &mut header.receivers)?;
@@ -194,6 +215,7 @@ impl<S: Space, R: BufRead> Reader<S, R> {
             }
         }
         header.order = given.order.unwrap_or(Order::Free);
+        header.seed = given.seed.unwrap_or(0);
         header.speed_of_sound_mps = given.speed_of_sound_mps.unwrap_or(header.speed_of_sound_mps);
         let place = Place::Line { line: lines.number(), column: 0 };
         rules.begin(header.order, header.duration_s.is_some()).map_err(|fault| fault.error.at(place))
@@ -212,6 +234,8 @@ impl<S: Space, R: BufRead> Reader<S, R> {
             };
             let line = if is_thread_verb(keyword) {
                 read_statement::<S>(keyword, &mut words, header, rules)?
+            } else if is_cue_verb(keyword) {
+                S::cue_line(read_cue(keyword, &mut words, rules)?)
             } else if S::RECEIVER_VERBS.contains(&keyword) {
                 let key = read_microphone_key(keyword == "cut", &mut words, rules)?;
                 // Only spaces whose receivers have verbs come here, and those have such lines.
@@ -245,6 +269,7 @@ impl<S: Space, R: BufRead> Iterator for Reader<S, R> {
 struct Given {
     order: Option<Order>,
     speed_of_sound_mps: Option<f64>,
+    seed: Option<u64>,
 }
 
 /// A score of which the first line is read.

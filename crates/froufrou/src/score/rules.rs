@@ -2,10 +2,10 @@
 //! is written can be read.
 
 use std::collections::hash_map::{Entry, OccupiedEntry};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use super::lexer::{shown, suggestion};
-use super::{MicrophoneKey, Order, Repeat, Sound};
+use super::{Make, MicrophoneKey, Order, Pattern, Sound};
 use crate::{Error, Place};
 
 /// A broken rule, and which word of the line breaks it, from 0.
@@ -40,6 +40,7 @@ impl Fault {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Step<'a> {
     Start { sound: &'a str },
+    Path,
     Key,
     Jump,
     End,
@@ -49,6 +50,7 @@ impl Step<'_> {
     fn name(self) -> &'static str {
         match self {
             Step::Start { .. } => "start",
+            Step::Path => "path",
             Step::Key => "key",
             Step::Jump => "jump",
             Step::End => "end",
@@ -62,8 +64,12 @@ struct Live<V> {
     time_s: f64,
     start_s: f64,
     start_line: usize,
-    /// It loops, so it never ends by itself.
-    loops: bool,
+    /// It never ends by itself.
+    endless: bool,
+    /// What it plays is synthesised.
+    made: bool,
+    /// When it was last cued.
+    cued_s: f64,
     value: Option<V>,
 }
 
@@ -100,6 +106,13 @@ impl Rank {
     }
 }
 
+/// What the rules know of a sound.
+#[derive(Debug, Clone, Copy)]
+struct Kind {
+    endless: bool,
+    made: bool,
+}
+
 /// The state of the rules after the lines so far; `V` is what a thread's next line may leave out.
 #[derive(Debug)]
 pub struct Rules<V> {
@@ -107,13 +120,14 @@ pub struct Rules<V> {
     has_duration: bool,
     /// Whether the receivers are microphones, which have a place.
     placed: bool,
-    sounds: HashMap<String, Repeat>,
+    sounds: HashMap<String, Kind>,
+    patterns: HashSet<String>,
     receivers: HashMap<String, usize>,
     receiver_names: Vec<String>,
     heard: Vec<Option<Heard>>,
     /// Which microphones are placed where they are declared.
     stands: Vec<bool>,
-    live: HashMap<u64, Live<V>>,
+    live: HashMap<(u64, u32), Live<V>>,
     ended: IdSet,
     last: Option<Rank>,
     first_start: Option<(f64, usize)>,
@@ -127,6 +141,7 @@ impl<V> Rules<V> {
             has_duration: false,
             placed,
             sounds: HashMap::new(),
+            patterns: HashSet::new(),
             receivers: HashMap::new(),
             receiver_names: Vec::new(),
             heard: Vec::new(),
@@ -143,14 +158,45 @@ impl<V> Rules<V> {
         if sound.name.is_empty() {
             return Err(fault(word::NAME, "the sound has an empty name"));
         }
-        if sound.recording.is_empty() {
-            let what = format!("the sound {} has no recording", shown(&sound.name));
+        let file = match &sound.make {
+            Make::Recording { path, .. } => Some(("recording", path)),
+            Make::Modes { table: Some(table), .. } => Some(("table", table)),
+            Make::Procedure { script } => Some(("script", script)),
+            _ => None,
+        };
+        if let Some((kind, _)) = file.filter(|(_, file)| file.is_empty()) {
+            let what = format!("the sound {} has no {kind}", shown(&sound.name));
             return Err(fault(word::NAME + 1, what));
         }
-        match self.sounds.insert(sound.name.clone(), sound.repeat) {
+        let made = !matches!(sound.make, Make::Recording { .. });
+        if !made && !sound.with.is_empty() {
+            let what =
+                format!("the sound {} is a recording, which is made with no numbers", shown(&sound.name));
+            return Err(fault(word::NAME, what));
+        }
+        match self.sounds.insert(sound.name.clone(), Kind { endless: sound.is_endless(), made }) {
             None => Ok(()),
             Some(_) => Err(fault(word::NAME, format!("the sound {} is declared twice", shown(&sound.name)))),
         }
+    }
+
+    /// A pattern is declared.
+    pub fn declare_pattern(&mut self, pattern: &Pattern) -> Result<(), Fault> {
+        if pattern.name.is_empty() {
+            return Err(fault(word::NAME, "the pattern has an empty name"));
+        }
+        if !matches!(pattern.harmonics.len(), 1 | 4 | 9 | 16) {
+            let what = format!(
+                "the pattern {} has {} harmonics, expected 1, 4, 9 or 16",
+                shown(&pattern.name),
+                pattern.harmonics.len()
+            );
+            return Err(fault(word::NAME, what));
+        }
+        if self.patterns.insert(pattern.name.clone()) {
+            return Ok(());
+        }
+        Err(fault(word::NAME, format!("the pattern {} is declared twice", shown(&pattern.name))))
     }
 
     /// A microphone or channel is declared; `stands` where it has its one place already.
@@ -254,48 +300,66 @@ impl<V> Rules<V> {
         Ok(heard.get_or_insert(Heard { first_s: time_s, last: None }))
     }
 
-    /// A line of a thread.
-    pub fn thread(
-        &mut self,
-        step: Step<'_>,
-        id: u64,
-        time_s: f64,
-        line: usize,
-    ) -> Result<Slot<'_, V>, Fault> {
+    /// Takes the rank of a thread's line in.
+    fn rank_thread(&mut self, id: u64, time_s: f64) -> Result<(), Fault> {
         if self.order == Order::Thread && self.last.is_some_and(|last| last.thread && last.id < id) {
             // No smaller number can come any more: forget them, to keep the memory small.
             self.check_ends()?;
             self.live.clear();
             self.ended = IdSet::default();
         }
-        self.check_order(Rank { thread: true, id, time_s })?;
-        if let Step::Start { sound } = step {
-            return self.start(sound, id, time_s, line);
+        self.check_order(Rank { thread: true, id, time_s })
+    }
+
+    /// A line of a path of a thread.
+    pub fn thread(
+        &mut self,
+        step: Step<'_>,
+        of: (u64, u32),
+        time_s: f64,
+        line: usize,
+    ) -> Result<Slot<'_, V>, Fault> {
+        let (id, path) = of;
+        self.rank_thread(id, time_s)?;
+        if path > 0 && self.placed {
+            let what = format!("thread {id}/{path} is a path of its own, which only channel space has");
+            return Err(fault(word::THREAD, what).help(format!("write `{id}`")));
         }
-        let Entry::Occupied(mut entry) = self.live.entry(id) else {
-            if self.ended.contains(id) {
-                return Err(fault(word::THREAD, format!("thread {id} has ended, no line may follow")));
+        match step {
+            Step::Start { .. } if path > 0 => {
+                let what = format!("thread {id}/{path} starts, but a path plays what its thread does");
+                return Err(fault(0, what).help(format!("begin it with `path {id}/{path} …`")));
             }
-            let what = format!("`{}` of thread {id}, which has not started", step.name());
-            return Err(fault(word::THREAD, what).help(format!("a `start {id} …` must come before")));
+            Step::Start { sound } => return self.start(sound, id, time_s, line),
+            Step::Path => return self.path(of, time_s, line),
+            _ => {}
+        }
+        let name = Named(of);
+        let Entry::Occupied(mut entry) = self.live.entry(of) else {
+            if path == 0 && self.ended.contains(id) {
+                return Err(fault(word::THREAD, format!("thread {name} has ended, no line may follow")));
+            }
+            let what = format!("`{}` of thread {name}, which has not started", step.name());
+            let begin = if path > 0 { "path" } else { "start" };
+            return Err(fault(word::THREAD, what).help(format!("a `{begin} {name} …` must come before")));
         };
         let live = entry.get_mut();
         if time_s < live.time_s {
-            return Err(backwards(&format!("thread {id}"), time_s, live.time_s));
+            return Err(backwards(&format!("thread {name}"), time_s, live.time_s));
         }
         if time_s == live.time_s && step != Step::Jump {
-            return Err(fault(word::TIME, format!("thread {id} has a line at {time_s} s already"))
+            return Err(fault(word::TIME, format!("thread {name} has a line at {time_s} s already"))
                 .help("only a `jump` may share the time of the line before"));
         }
         live.time_s = time_s;
-        if step == Step::End {
+        if step == Step::End && path == 0 {
             self.ended.insert(id);
         }
-        Ok(Slot { entry, ends: step == Step::End })
+        Ok(Slot { entry, ends: step == Step::End, patterns: &self.patterns })
     }
 
     fn start(&mut self, sound: &str, id: u64, time_s: f64, line: usize) -> Result<Slot<'_, V>, Fault> {
-        let Some(&repeat) = self.sounds.get(sound) else {
+        let Some(&Kind { endless, made }) = self.sounds.get(sound) else {
             let names = self.sounds.keys().map(String::as_str);
             let what = format!("unknown sound {}", shown(sound));
             return Err(match suggestion(sound, names) {
@@ -308,14 +372,67 @@ impl<V> Rules<V> {
             let what = format!("thread {id} has been used already and has ended");
             return Err(fault(word::THREAD, what).help("give every thread a number of its own"));
         }
-        if let Some(live) = self.live.get(&id) {
+        if let Some(live) = self.live.get(&(id, 0)) {
             let what = format!("thread {id} started already in line {}", live.start_line);
             return Err(fault(word::THREAD, what).help("give every thread a number of its own"));
         }
         self.check_start(time_s, line)?;
-        let loops = repeat != Repeat::Once;
-        let live = Live { time_s, start_s: time_s, start_line: line, loops, value: None };
-        Ok(Slot { entry: self.live.entry(id).insert_entry(live), ends: false })
+        let live =
+            Live { time_s, start_s: time_s, start_line: line, endless, made, cued_s: time_s, value: None };
+        let entry = self.live.entry((id, 0)).insert_entry(live);
+        Ok(Slot { entry, ends: false, patterns: &self.patterns })
+    }
+
+    /// Another path of a thread begins.
+    fn path(&mut self, of: (u64, u32), time_s: f64, line: usize) -> Result<Slot<'_, V>, Fault> {
+        let (id, path) = of;
+        if path == 0 {
+            let what = format!("path 0 of thread {id} is the direct one, which the thread starts with");
+            return Err(fault(word::THREAD, what).help(format!("number the others from 1, as `{id}/1`")));
+        }
+        let Some(direct) = self.live.get(&(id, 0)) else {
+            let what = format!("a path of thread {id}, which does not sound");
+            return Err(fault(word::THREAD, what).help("a path begins while its thread lasts"));
+        };
+        if time_s < direct.start_s {
+            let what =
+                format!("a path of thread {id} begins before it, which starts at {} s", direct.start_s);
+            return Err(fault(word::TIME, what));
+        }
+        let endless = direct.endless;
+        if let Some(live) = self.live.get(&of) {
+            let what = format!("path {id}/{path} began already in line {}", live.start_line);
+            return Err(fault(word::THREAD, what).help("it may begin anew after an `end`"));
+        }
+        let live = Live {
+            time_s,
+            start_s: time_s,
+            start_line: line,
+            endless,
+            made: false,
+            cued_s: time_s,
+            value: None,
+        };
+        let entry = self.live.entry(of).insert_entry(live);
+        Ok(Slot { entry, ends: false, patterns: &self.patterns })
+    }
+
+    /// Something is said to a synthesised sound.
+    pub fn cue(&mut self, verb: &str, id: u64, time_s: f64) -> Result<(), Fault> {
+        self.rank_thread(id, time_s)?;
+        let Some(live) = self.live.get_mut(&(id, 0)) else {
+            let what = format!("`{verb}` of thread {id}, which does not sound");
+            return Err(fault(word::THREAD, what).help("it stands between the thread's `start` and `end`"));
+        };
+        if !live.made {
+            let what = format!("`{verb}` of thread {id}, which plays a recording");
+            return Err(fault(word::THREAD, what).help("only a synthesised sound can be told something"));
+        }
+        if time_s < live.cued_s {
+            return Err(backwards(&format!("thread {id}"), time_s, live.cued_s));
+        }
+        live.cued_s = time_s;
+        Ok(())
     }
 
     /// A microphone has to be somewhere when the first sound leaves its source.
@@ -354,13 +471,14 @@ impl<V> Rules<V> {
         if self.has_duration {
             return Ok(());
         }
-        let endless = self.live.iter().filter(|(_, live)| live.loops);
+        let endless = self.live.iter().filter(|(_, live)| live.endless);
         match endless.min_by_key(|(id, live)| (live.start_line, **id)) {
             None => Ok(()),
             Some((id, live)) => {
-                let what = format!("thread {id} loops from {} s on and never ends", live.start_s);
+                let name = Named(*id);
+                let what = format!("thread {name} sounds from {} s on and never ends", live.start_s);
                 let mut fault =
-                    fault(0, what).help(format!("add an `end {id} …` line, or a `duration` to the header"));
+                    fault(0, what).help(format!("add an `end {name} …` line, or a `duration` to the header"));
                 fault.error = Box::new(fault.error.at(Place::Line { line: live.start_line, column: 0 }));
                 Err(fault)
             }
@@ -371,6 +489,18 @@ impl<V> Rules<V> {
     pub fn finish(&self) -> Result<(), Fault> {
         self.check_heard()?;
         self.check_ends()
+    }
+}
+
+/// A path of a thread as its number stands in the text.
+pub struct Named(pub (u64, u32));
+
+impl std::fmt::Display for Named {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.0 {
+            (id, 0) => write!(f, "{id}"),
+            (id, path) => write!(f, "{id}/{path}"),
+        }
     }
 }
 
@@ -398,11 +528,31 @@ fn listed<'a>(names: impl Iterator<Item = &'a str>) -> String {
 /// The place where a thread's value is kept for its next line.
 #[derive(Debug)]
 pub struct Slot<'a, V> {
-    entry: OccupiedEntry<'a, u64, Live<V>>,
+    entry: OccupiedEntry<'a, (u64, u32), Live<V>>,
     ends: bool,
+    patterns: &'a HashSet<String>,
 }
 
 impl<V: Clone> Slot<'_, V> {
+    /// Refuses what only a recording can be told at its start.
+    pub fn plays_recording(&self, keyword: &str) -> Result<(), Error> {
+        if !self.entry.get().made {
+            return Ok(());
+        }
+        Err(Error::new(format!("`{keyword}` is for recordings, and this thread's sound is synthesised")))
+    }
+
+    /// Refuses a pattern that is not declared.
+    pub fn has_pattern(&self, name: &str) -> Result<(), Error> {
+        if name.is_empty() || self.patterns.contains(name) {
+            return Ok(());
+        }
+        let what = format!("unknown pattern {}", shown(name));
+        let help = suggestion(name, self.patterns.iter().map(String::as_str));
+        let declare = || "declare it in the header, as `pattern NAME 1 0 0 0.5`".to_owned();
+        Err(Error::new(what).help(help.unwrap_or_else(declare)))
+    }
+
     /// The value at the thread's line before.
     pub fn before(&self) -> Option<&V> {
         self.entry.get().value.as_ref()
@@ -459,8 +609,7 @@ mod tests {
 
     fn rules(order: Order) -> Rules<()> {
         let mut rules = Rules::new(false);
-        let sound =
-            Sound { name: "hit".into(), recording: "hit.wav".into(), repeat: Repeat::Once, channel: None };
+        let sound = Sound::recording("hit", "hit.wav", super::super::Repeat::Once, None);
         rules.declare_sound(&sound).unwrap();
         rules.declare_receiver("left", false).unwrap();
         rules.begin(order, false).unwrap();
@@ -474,9 +623,9 @@ mod tests {
             for id in 0..1_000_000 {
                 let time_s = id as f64;
                 if let Some(ends) = u64::checked_sub(id, 3) {
-                    rules.thread(Step::End, ends, time_s, 1).unwrap().keep(&());
+                    rules.thread(Step::End, (ends, 0), time_s, 1).unwrap().keep(&());
                 }
-                rules.thread(Step::Start { sound: "hit" }, id, time_s, 1).unwrap().keep(&());
+                rules.thread(Step::Start { sound: "hit" }, (id, 0), time_s, 1).unwrap().keep(&());
                 assert!(rules.live.len() <= 3);
             }
             assert_eq!(rules.ended.ranges.len(), 1);
@@ -487,7 +636,7 @@ mod tests {
     fn sorted_by_thread_one_thread_is_kept_even_without_ends() {
         let mut rules = rules(Order::Thread);
         for id in (0..100_000).step_by(7) {
-            rules.thread(Step::Start { sound: "hit" }, id, 0.0, 1).unwrap().keep(&());
+            rules.thread(Step::Start { sound: "hit" }, (id, 0), 0.0, 1).unwrap().keep(&());
             assert_eq!(rules.live.len(), 1);
         }
         assert!(rules.ended.ranges.is_empty());

@@ -15,12 +15,14 @@ use crate::Result;
 /// their declaration. With [`Order::Free`] all are equal.
 ///
 /// ```
-/// use froufrou::score::{ChannelSpace, Order, Statement, Verb, compare};
+/// use froufrou::score::{ChannelLine, ChannelSpace, Order, Statement, Verb, compare};
 ///
-/// let line = |thread, time_s| Statement { thread, time_s, verb: Verb::Key, value: vec![] };
+/// let line = |thread, time_s| {
+///     ChannelLine::Thread(Statement { thread, path: 0, time_s, verb: Verb::Key, value: vec![] })
+/// };
 /// let mut lines = [line(2, 1.0), line(1, 1.0), line(3, 0.5)];
 /// lines.sort_by(|a, b| compare::<ChannelSpace>(a, b, Order::Time));
-/// assert_eq!(lines.map(|line| line.thread), [3, 1, 2]);
+/// assert_eq!(lines.map(|line| line.thread()), [3, 1, 2]);
 /// ```
 pub fn compare<S: Space>(a: &S::Line, b: &S::Line, order: Order) -> std::cmp::Ordering {
     rank::<S>(a).cmp(&rank::<S>(b), order)
@@ -45,7 +47,7 @@ impl<S: Space, R: BufRead> Reader<S, R> {
     /// start 2 0.5 drip 0.5 0.01
     /// "#;
     /// let lines = ChannelReader::new(text.as_bytes())?.by_time()?;
-    /// let threads: Vec<u64> = lines.map(|line| line.map(|line| line.thread)).collect::<Result<_, _>>()?;
+    /// let threads: Vec<u64> = lines.map(|line| line.map(|line| line.thread())).collect::<Result<_, _>>()?;
     /// assert_eq!(threads, [2, 1]);
     /// # Ok::<(), froufrou::Error>(())
     /// ```

@@ -4,10 +4,11 @@
 use std::fmt::Debug;
 
 use super::lexer::{Words, push_name};
-use super::quantity::{self, check_facing};
+use super::quantity::{self, check_facing, check_turn};
 use super::rules::Rank;
 use super::{
-    Arrival, ChannelLine, Microphone, MicrophoneKey, MicrophoneShape, ObjectLine, Placement, Pose, Statement,
+    Arrival, ChannelLine, Cue, Microphone, MicrophoneKey, MicrophoneShape, ObjectLine, Placement, Pose,
+    Statement, Whereabouts,
 };
 use crate::{Error, Result};
 
@@ -30,6 +31,9 @@ pub trait Space: sealed::Sealed + Sized + Send + Sync + 'static {
     /// A line after the header.
     type Line: Debug + Clone + PartialEq + Send + Sync + 'static;
 
+    /// Whether threads are somewhere, so that they may radiate and be reflected.
+    #[doc(hidden)]
+    const HAS_PLACES: bool;
     /// The keyword that declares receivers.
     #[doc(hidden)]
     const RECEIVER_KEYWORD: &'static str;
@@ -59,7 +63,12 @@ pub trait Space: sealed::Sealed + Sized + Send + Sync + 'static {
     -> Result<()>;
     /// Reads the part of a value that this keyword begins; false where it begins none.
     #[doc(hidden)]
-    fn read_clause(keyword: &str, words: &mut Words<'_>, draft: &mut Self::Draft) -> Result<bool>;
+    fn read_clause(
+        keyword: &str,
+        words: &mut Words<'_>,
+        receivers: &[Self::Receiver],
+        draft: &mut Self::Draft,
+    ) -> Result<bool>;
     /// The value; what was left out is as it was before.
     #[doc(hidden)]
     fn value(draft: Self::Draft, before: Option<&Self::Value>) -> Result<Self::Value>;
@@ -67,6 +76,8 @@ pub trait Space: sealed::Sealed + Sized + Send + Sync + 'static {
     fn push_value(text: &mut String, value: &Self::Value, receivers: &[Self::Receiver]) -> Result<()>;
     #[doc(hidden)]
     fn thread_line(statement: Statement<Self::Value>) -> Self::Line;
+    #[doc(hidden)]
+    fn cue_line(cue: Cue) -> Self::Line;
     /// A line of a receiver, where it can have any.
     #[doc(hidden)]
     fn microphone_line(key: MicrophoneKey) -> Option<Self::Line>;
@@ -78,6 +89,7 @@ pub trait Space: sealed::Sealed + Sized + Send + Sync + 'static {
 #[doc(hidden)]
 pub enum LineRef<'a, V> {
     Thread(&'a Statement<V>),
+    Cue(&'a Cue),
     Microphone(&'a MicrophoneKey),
 }
 
@@ -85,6 +97,7 @@ pub enum LineRef<'a, V> {
 pub fn rank<S: Space>(line: &S::Line) -> Rank {
     match S::of_line(line) {
         LineRef::Thread(of) => Rank { thread: true, id: of.thread, time_s: of.time_s },
+        LineRef::Cue(of) => Rank { thread: true, id: of.thread, time_s: of.time_s },
         LineRef::Microphone(of) => Rank { thread: false, id: of.microphone as u64, time_s: of.time_s },
     }
 }
@@ -105,8 +118,9 @@ pub struct ObjectSpace;
 #[doc(hidden)]
 #[derive(Debug, Default)]
 pub struct PlacementDraft {
-    position_m: Option<[f64; 3]>,
+    whereabouts: Option<Whereabouts>,
     gain: Option<f64>,
+    turn: Option<[f64; 4]>,
 }
 
 const OMNI: MicrophoneShape = MicrophoneShape { c: 0.0, k: 0.0 };
@@ -123,9 +137,10 @@ impl Space for ObjectSpace {
     type Value = Placement;
     type Line = ObjectLine;
 
+    const HAS_PLACES: bool = true;
     const RECEIVER_KEYWORD: &'static str = "microphone";
     const RECEIVER_VERBS: &'static [&'static str] = &["hear", "cut"];
-    const CLAUSES: &'static [&'static str] = &["at", "gain"];
+    const CLAUSES: &'static [&'static str] = &["at", "around", "gain", "turn"];
     type Draft = PlacementDraft;
 
     fn read_receivers(words: &mut Words<'_>, receivers: &mut Vec<Microphone>) -> Result<()> {
@@ -183,11 +198,33 @@ impl Space for ObjectSpace {
         Ok(())
     }
 
-    fn read_clause(keyword: &str, words: &mut Words<'_>, draft: &mut PlacementDraft) -> Result<bool> {
+    fn read_clause(
+        keyword: &str,
+        words: &mut Words<'_>,
+        receivers: &[Microphone],
+        draft: &mut PlacementDraft,
+    ) -> Result<bool> {
         match keyword {
             "at" => {
                 let position_m = words.numbers_of(quantity::POSITION)?;
-                once(&mut draft.position_m, keyword, words, position_m)?;
+                once(&mut draft.whereabouts, "at or around", words, Whereabouts::At(position_m))?;
+            }
+            "around" => {
+                let name = words.name("the microphone's name")?;
+                let known = receivers.iter().map(|receiver| receiver.name.as_str());
+                let index = receivers
+                    .iter()
+                    .position(|receiver| receiver.name == name)
+                    .ok_or_else(|| words.unknown("microphone", &name, known, "one that is declared"))?;
+                once(&mut draft.whereabouts, "at or around", words, Whereabouts::Around(index))?;
+            }
+            "turn" => {
+                let mut turn = [0.0; 4];
+                for part in &mut turn {
+                    *part = words.number_of(quantity::TURN)?;
+                }
+                let turn = check_turn(turn).map_err(|error| words.place(error))?;
+                once(&mut draft.turn, keyword, words, turn)?;
             }
             "gain" => {
                 let gain = words.number_of(quantity::GAIN)?;
@@ -199,21 +236,55 @@ impl Space for ObjectSpace {
     }
 
     fn value(draft: PlacementDraft, before: Option<&Placement>) -> Result<Placement> {
-        let position_m = draft.position_m.or(before.map(|before| before.position_m)).ok_or_else(|| {
-            Error::new("the thread starts nowhere").help("add where, in metres, as `at X Y Z`")
-        })?;
+        let whereabouts = match (draft.whereabouts, before.map(|before| before.whereabouts)) {
+            (Some(Whereabouts::At(_)), Some(Whereabouts::Around(_)))
+            | (Some(Whereabouts::Around(_)), Some(Whereabouts::At(_))) => {
+                return Err(Error::new(
+                    "a thread is at places or around microphones, not one after the other",
+                )
+                .help("end it and start another"));
+            }
+            (Some(Whereabouts::Around(here)), Some(Whereabouts::Around(before))) if here != before => {
+                return Err(Error::new("a thread that is around one microphone stays there")
+                    .help("end it and start another"));
+            }
+            (here, before) => here.or(before).ok_or_else(|| {
+                Error::new("the thread starts nowhere").help("add where, in metres, as `at X Y Z`")
+            })?,
+        };
         let gain = draft.gain.or(before.map(|before| before.gain)).unwrap_or(1.0);
-        Ok(Placement { position_m, gain })
+        Ok(Placement { whereabouts, gain, turn: draft.turn.or(before.and_then(|before| before.turn)) })
     }
 
-    fn push_value(text: &mut String, value: &Placement, _: &[Microphone]) -> Result<()> {
-        push_vector(text, " at", quantity::POSITION, value.position_m)?;
+    fn push_value(text: &mut String, value: &Placement, receivers: &[Microphone]) -> Result<()> {
+        match value.whereabouts {
+            Whereabouts::At(position_m) => push_vector(text, " at", quantity::POSITION, position_m)?,
+            Whereabouts::Around(index) => {
+                let receiver = receivers
+                    .get(index)
+                    .ok_or_else(|| Error::new(format!("there is no microphone with index {index}")))?;
+                text.push_str(" around ");
+                push_name(text, &receiver.name);
+            }
+        }
         text.push_str(" gain ");
-        quantity::GAIN.push(text, value.gain)
+        quantity::GAIN.push(text, value.gain)?;
+        if let Some(turn) = value.turn {
+            text.push_str(" turn");
+            for part in check_turn(turn)? {
+                text.push(' ');
+                quantity::TURN.push(text, part)?;
+            }
+        }
+        Ok(())
     }
 
     fn thread_line(statement: Statement<Placement>) -> ObjectLine {
         ObjectLine::Thread(statement)
+    }
+
+    fn cue_line(cue: Cue) -> ObjectLine {
+        ObjectLine::Cue(cue)
     }
 
     fn microphone_line(key: MicrophoneKey) -> Option<ObjectLine> {
@@ -223,6 +294,7 @@ impl Space for ObjectSpace {
     fn of_line(line: &ObjectLine) -> LineRef<'_, Placement> {
         match line {
             ObjectLine::Thread(statement) => LineRef::Thread(statement),
+            ObjectLine::Cue(cue) => LineRef::Cue(cue),
             ObjectLine::Microphone(key) => LineRef::Microphone(key),
         }
     }
@@ -288,6 +360,7 @@ impl Space for ChannelSpace {
     type Value = Vec<Arrival>;
     type Line = ChannelLine;
 
+    const HAS_PLACES: bool = false;
     const RECEIVER_KEYWORD: &'static str = "channels";
     const RECEIVER_VERBS: &'static [&'static str] = &[];
     const CLAUSES: &'static [&'static str] = &[];
@@ -344,7 +417,7 @@ impl Space for ChannelSpace {
         Err(words.fault(count_of_pairs(receivers, &draft.len().to_string())))
     }
 
-    fn read_clause(_: &str, _: &mut Words<'_>, _: &mut Vec<Arrival>) -> Result<bool> {
+    fn read_clause(_: &str, _: &mut Words<'_>, _: &[String], _: &mut Vec<Arrival>) -> Result<bool> {
         Ok(false)
     }
 
@@ -370,8 +443,12 @@ impl Space for ChannelSpace {
         Ok(())
     }
 
-    fn thread_line(statement: ChannelLine) -> ChannelLine {
-        statement
+    fn thread_line(statement: Statement<Vec<Arrival>>) -> ChannelLine {
+        ChannelLine::Thread(statement)
+    }
+
+    fn cue_line(cue: Cue) -> ChannelLine {
+        ChannelLine::Cue(cue)
     }
 
     fn microphone_line(_: MicrophoneKey) -> Option<ChannelLine> {
@@ -379,7 +456,10 @@ impl Space for ChannelSpace {
     }
 
     fn of_line(line: &ChannelLine) -> LineRef<'_, Vec<Arrival>> {
-        LineRef::Thread(line)
+        match line {
+            ChannelLine::Thread(statement) => LineRef::Thread(statement),
+            ChannelLine::Cue(cue) => LineRef::Cue(cue),
+        }
     }
 }
 

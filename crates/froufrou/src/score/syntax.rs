@@ -6,9 +6,12 @@ use std::io::BufRead;
 
 use super::lexer::{Lines, Words, push_name, push_quoted, shown};
 use super::note::{Declared, Note};
-use super::rules::{Fault, Rules, Step};
+use super::rules::{Fault, Named, Rules, Step};
 use super::space::{ChannelSpace, LineRef, ObjectSpace, Space, once, push_whereabouts, read_whereabouts};
-use super::{Header, MicrophoneKey, Order, Repeat, Sound, Start, Statement, Verb, quantity};
+use super::{
+    Action, Blow, Cue, Header, Make, MicrophoneKey, Mode, Order, Pattern, Repeat, Sound, Start, Statement,
+    Verb, quantity,
+};
 use crate::{Error, Place, Result};
 
 /// The version of the text that this library writes, and the newest that it reads.
@@ -16,9 +19,13 @@ pub const VERSION: u32 = 1;
 
 const MAGIC: &str = "froufrou-score";
 const SPACES: [&str; 2] = [ObjectSpace::NAME, ChannelSpace::NAME];
-const DECLARATIONS: [&str; 4] = ["order", "speed-of-sound", "duration", "sound"];
-const THREAD_VERBS: [&str; 4] = ["start", "key", "jump", "end"];
-const START_CLAUSES: [&str; 4] = ["speed", "offset", "object", "cause"];
+const DECLARATIONS: [&str; 8] =
+    ["order", "speed-of-sound", "duration", "seed", "surroundings", "pattern", "sound", "mode"];
+const THREAD_VERBS: [&str; 5] = ["start", "path", "key", "jump", "end"];
+const CUE_VERBS: [&str; 2] = ["set", "strike"];
+const START_CLAUSES: [&str; 5] = ["speed", "offset", "object", "cause", "pattern"];
+/// The words for synthesised sounds.
+const KINDS: [&str; 7] = ["string", "bar", "modes", "needle", "stick-slip", "turbulence", "procedure"];
 
 /// Reads the first line, which tells the space.
 pub fn read_first_line<R: BufRead>(lines: &mut Lines<R>, note: &mut Option<Note>) -> Result<&'static str> {
@@ -69,17 +76,76 @@ pub fn header_lines<S: Space>(header: &Header<S::Receiver>) -> Result<Vec<(Decla
         quantity::DURATION.push(&mut text, duration_s)?;
         lines.push((Declared::Duration, text));
     }
+    if header.seed != 0 {
+        lines.push((Declared::Seed, format!("seed {}", header.seed)));
+    }
+    let in_space = |what: &str, has: bool| {
+        if has && !S::HAS_PLACES {
+            return Err(Error::new(format!("a score in {} space has no {what}", S::NAME)));
+        }
+        Ok(())
+    };
+    in_space("surroundings", header.surroundings.is_some())?;
+    in_space("patterns", !header.patterns.is_empty())?;
+    if let Some(scene) = &header.surroundings {
+        let mut text = String::from("surroundings ");
+        push_quoted(&mut text, scene);
+        lines.push((Declared::Surroundings, text));
+    }
     let receivers = S::receiver_lines(&header.receivers)?;
     lines.extend(receivers.into_iter().enumerate().map(|(index, text)| (Declared::Receiver(index), text)));
-    let sounds = header.sounds.iter().enumerate();
-    lines.extend(sounds.map(|(index, sound)| (Declared::Sound(index), sound_line(sound))));
+    for (index, pattern) in header.patterns.iter().enumerate() {
+        let mut text = String::from("pattern ");
+        push_name(&mut text, &pattern.name);
+        for &harmonic in &pattern.harmonics {
+            text.push(' ');
+            quantity::HARMONIC.push(&mut text, harmonic)?;
+        }
+        lines.push((Declared::Pattern(index), text));
+    }
+    for (index, sound) in header.sounds.iter().enumerate() {
+        lines.push((Declared::Sound(index), sound_line(sound)?));
+        if let Make::Modes { modes, .. } = &sound.make {
+            for (number, mode) in modes.iter().enumerate() {
+                lines.push((Declared::Mode(index, number), mode_line(&sound.name, mode)?));
+            }
+        }
+    }
     Ok(lines)
 }
 
 /// Reads what follows `sound`.
 pub fn read_sound(words: &mut Words<'_>) -> Result<Sound> {
     let name = words.name("the sound's name")?.into_owned();
-    let recording = words.name("the path of the recording")?.into_owned();
+    let quoted = words.peek() == Some(b'"');
+    let file = words.name("the path of the recording, or what makes the sound")?;
+    if quoted || !KINDS.contains(&file.as_ref()) {
+        return read_recording(name, file.into_owned(), words);
+    }
+    let make = match file.as_ref() {
+        "string" => Make::String,
+        "bar" => Make::Bar,
+        "modes" => {
+            let table = match words.peek() {
+                Some(b'"') => Some(words.name("the table of modes")?.into_owned()),
+                _ => None,
+            };
+            Make::Modes { table, modes: Vec::new() }
+        }
+        "needle" => Make::Needle,
+        "stick-slip" => Make::StickSlip,
+        "turbulence" => Make::Turbulence,
+        _ => Make::Procedure { script: words.name("the path of the script")?.into_owned() },
+    };
+    let with = match words.keyword("`with`")? {
+        None => Vec::new(),
+        Some("with") => read_values(words)?,
+        Some(other) => return Err(words.unknown("word", other, ["with"], "`with` and values")),
+    };
+    Ok(Sound { name, make, with })
+}
+
+fn read_recording(name: String, path: String, words: &mut Words<'_>) -> Result<Sound> {
     let (mut repeat, mut channel) = (None, None);
     let expected = "`once`, `loop`, `loop exact` or `channel N`";
     let mut may_be_exact = false;
@@ -98,23 +164,114 @@ pub fn read_sound(words: &mut Words<'_>) -> Result<Sound> {
         }
         may_be_exact = keyword == "loop";
     }
-    Ok(Sound { name, recording, repeat: repeat.unwrap_or(Repeat::Once), channel })
+    Ok(Sound::recording(name, path, repeat.unwrap_or(Repeat::Once), channel))
 }
 
-fn sound_line(sound: &Sound) -> String {
+/// Reads names with values up to the end of the line; at least one.
+fn read_values(words: &mut Words<'_>) -> Result<Vec<(String, f64)>> {
+    let mut values: Vec<(String, f64)> = Vec::new();
+    loop {
+        let name = words.name("the name of a value")?.into_owned();
+        if values.iter().any(|(given, _)| *given == name) {
+            return Err(words.fault(format!("`{name}` is given twice")));
+        }
+        values.push((name, words.number_of(quantity::PARAMETER)?));
+        if words.peek().is_none() {
+            return Ok(values);
+        }
+    }
+}
+
+fn push_values(text: &mut String, values: &[(String, f64)]) -> Result<()> {
+    for (index, (name, value)) in values.iter().enumerate() {
+        if name.is_empty() || values[..index].iter().any(|(given, _)| given == name) {
+            return Err(Error::new(format!("a value is named `{name}`, which is empty or given twice")));
+        }
+        text.push(' ');
+        push_name(text, name);
+        text.push(' ');
+        quantity::PARAMETER.push(text, *value)?;
+    }
+    Ok(())
+}
+
+fn sound_line(sound: &Sound) -> Result<String> {
     let mut text = String::from("sound ");
     push_name(&mut text, &sound.name);
     text.push(' ');
-    push_quoted(&mut text, &sound.recording);
-    text.push_str(match sound.repeat {
-        Repeat::Once => "",
-        Repeat::Loop => " loop",
-        Repeat::ExactLoop => " loop exact",
-    });
-    if let Some(channel) = sound.channel {
-        text.push_str(&format!(" channel {channel}"));
+    match &sound.make {
+        Make::Recording { path, repeat, channel } => {
+            push_quoted(&mut text, path);
+            text.push_str(match repeat {
+                Repeat::Once => "",
+                Repeat::Loop => " loop",
+                Repeat::ExactLoop => " loop exact",
+            });
+            if let Some(channel) = channel {
+                text.push_str(&format!(" channel {channel}"));
+            }
+        }
+        Make::String => text.push_str("string"),
+        Make::Bar => text.push_str("bar"),
+        Make::Modes { table, .. } => {
+            text.push_str("modes");
+            if let Some(table) = table {
+                text.push(' ');
+                push_quoted(&mut text, table);
+            }
+        }
+        Make::Needle => text.push_str("needle"),
+        Make::StickSlip => text.push_str("stick-slip"),
+        Make::Turbulence => text.push_str("turbulence"),
+        Make::Procedure { script } => {
+            text.push_str("procedure ");
+            push_quoted(&mut text, script);
+        }
     }
-    text
+    if !sound.with.is_empty() {
+        text.push_str(" with");
+        push_values(&mut text, &sound.with)?;
+    }
+    Ok(text)
+}
+
+/// Reads what follows `mode`: the name of its sound and the mode.
+pub fn read_mode<'a>(words: &mut Words<'a>) -> Result<(Cow<'a, str>, Mode)> {
+    let sound = words.name("the sound's name")?;
+    let mut mode = Mode {
+        frequency_hz: words.number_of(quantity::FREQUENCY)?,
+        decay_per_s: words.number_of(quantity::DECAY)?,
+        gain: words.number_of(quantity::MODE_GAIN)?,
+        points: Vec::new(),
+    };
+    while words.next_is_number() {
+        mode.points.push(words.number_of(quantity::MODE_GAIN)?);
+    }
+    Ok((sound, mode))
+}
+
+fn mode_line(sound: &str, mode: &Mode) -> Result<String> {
+    let mut text = String::from("mode ");
+    push_name(&mut text, sound);
+    text.push(' ');
+    quantity::FREQUENCY.push(&mut text, mode.frequency_hz)?;
+    text.push(' ');
+    quantity::DECAY.push(&mut text, mode.decay_per_s)?;
+    for &gain in std::iter::once(&mode.gain).chain(&mode.points) {
+        text.push(' ');
+        quantity::MODE_GAIN.push(&mut text, gain)?;
+    }
+    Ok(text)
+}
+
+/// Reads what follows `pattern`.
+pub fn read_pattern(words: &mut Words<'_>) -> Result<Pattern> {
+    let name = words.name("the pattern's name")?.into_owned();
+    let mut harmonics = Vec::new();
+    while words.next_is_number() {
+        harmonics.push(words.number_of(quantity::HARMONIC)?);
+    }
+    Ok(Pattern { name, harmonics })
 }
 
 /// Reads what follows the verb of a thread's line.
@@ -124,7 +281,7 @@ pub fn read_statement<S: Space>(
     header: &Header<S::Receiver>,
     rules: &mut Rules<S::Value>,
 ) -> Result<S::Line> {
-    let thread = words.whole("the thread's number")?;
+    let (thread, path) = words.thread()?;
     let time_s = words.number_of(quantity::TIME)?;
     let sound = match verb {
         "start" => words.name("the sound's name")?,
@@ -132,23 +289,27 @@ pub fn read_statement<S: Space>(
     };
     let step = match verb {
         "start" => Step::Start { sound: &sound },
+        "path" => Step::Path,
         "jump" => Step::Jump,
         "end" => Step::End,
         _ => Step::Key,
     };
-    let slot = rules.thread(step, thread, time_s, words.number()).map_err(|fault| place(words, fault))?;
+    let slot =
+        rules.thread(step, (thread, path), time_s, words.number()).map_err(|fault| place(words, fault))?;
 
     let mut draft = S::Draft::default();
     S::read_plain(words, &header.receivers, &mut draft)?;
     let starts = matches!(step, Step::Start { .. });
-    let (mut speed, mut offset_s, mut object, mut cause) = (None, None, None, None);
+    let (mut speed, mut offset_s, mut object, mut cause, mut pattern) = (None, None, None, None, None);
     while let Some(keyword) = words.keyword("a keyword")? {
         match keyword {
             "speed" if starts => {
+                slot.plays_recording(keyword).map_err(|error| words.place(error))?;
                 let number = words.number_of(quantity::PLAYBACK_SPEED)?;
                 once(&mut speed, keyword, words, number)?;
             }
             "offset" if starts => {
+                slot.plays_recording(keyword).map_err(|error| words.place(error))?;
                 let number = words.number_of(quantity::OFFSET)?;
                 once(&mut offset_s, keyword, words, number)?;
             }
@@ -160,12 +321,17 @@ pub fn read_statement<S: Space>(
                 let text = words.name("the cause, in quotes")?;
                 once(&mut cause, keyword, words, text)?;
             }
-            _ if START_CLAUSES.contains(&keyword) => {
+            "pattern" if starts && S::HAS_PLACES => {
+                let name = words.name("the pattern's name")?;
+                slot.has_pattern(&name).map_err(|error| words.place(error))?;
+                once(&mut pattern, keyword, words, name)?;
+            }
+            _ if !starts && start_clauses::<S>().contains(&keyword) => {
                 return Err(words.fault(format!("`{keyword}` belongs on the thread's `start` line")));
             }
-            _ if S::read_clause(keyword, words, &mut draft)? => {}
+            _ if S::read_clause(keyword, words, &header.receivers, &mut draft)? => {}
             _ => {
-                let more: &[&str] = if starts { &START_CLAUSES } else { &[] };
+                let more: &[&str] = if starts { start_clauses::<S>() } else { &[] };
                 let known = S::CLAUSES.iter().chain(more);
                 let expected: Vec<String> = known.clone().map(|word| format!("`{word}`")).collect();
                 let expected = match expected.as_slice() {
@@ -188,12 +354,49 @@ pub fn read_statement<S: Space>(
             offset_s: offset_s.unwrap_or(0.0),
             object: object.unwrap_or_default().into_owned(),
             cause: cause.unwrap_or_default().into_owned(),
+            pattern: pattern.unwrap_or_default().into_owned(),
         }),
+        Step::Path => Verb::Path,
         Step::Key => Verb::Key,
         Step::Jump => Verb::Jump,
         Step::End => Verb::End,
     };
-    Ok(S::thread_line(Statement { thread, time_s, verb, value }))
+    Ok(S::thread_line(Statement { thread, path, time_s, verb, value }))
+}
+
+/// What a `start` line may say beside its value.
+fn start_clauses<S: Space>() -> &'static [&'static str] {
+    // Only sources that are somewhere radiate into directions.
+    if S::HAS_PLACES { &START_CLAUSES } else { &START_CLAUSES[..4] }
+}
+
+/// Reads what follows `set` or `strike`.
+pub fn read_cue<V>(verb: &str, words: &mut Words<'_>, rules: &mut Rules<V>) -> Result<Cue> {
+    let thread = words.whole("the thread's number")?;
+    let time_s = words.number_of(quantity::TIME)?;
+    rules.cue(verb, thread, time_s).map_err(|fault| place(words, fault))?;
+    let action =
+        if verb == "set" { Action::Set(read_values(words)?) } else { Action::Strike(read_blow(words)?) };
+    Ok(Cue { thread, time_s, action })
+}
+
+fn read_blow(words: &mut Words<'_>) -> Result<Blow> {
+    let (mut impulse_ns, mut at, mut contact_s) = (None, None, None);
+    let expected = "`impulse J`, `place X` or `contact SECONDS`";
+    while let Some(keyword) = words.keyword(expected)? {
+        let (part, quantity) = match keyword {
+            "impulse" => (&mut impulse_ns, quantity::IMPULSE),
+            "place" => (&mut at, quantity::STRIKE_PLACE),
+            "contact" => (&mut contact_s, quantity::CONTACT),
+            other => {
+                return Err(words.unknown("word", other, ["impulse", "place", "contact"], expected));
+            }
+        };
+        let number = words.number_of(quantity)?;
+        once(part, keyword, words, number)?;
+    }
+    let impulse_ns = impulse_ns.ok_or_else(|| words.fault("a strike without an `impulse`"))?;
+    Ok(Blow { impulse_ns, place: at.unwrap_or(0.0), contact_s: contact_s.unwrap_or(0.0) })
 }
 
 /// Reads what follows `hear` or `cut`.
@@ -218,11 +421,12 @@ pub fn push_line<S: Space>(text: &mut String, line: &S::Line, receivers: &[S::Re
         LineRef::Thread(statement) => {
             text.push_str(match statement.verb {
                 Verb::Start(_) => "start ",
+                Verb::Path => "path ",
                 Verb::Key => "key ",
                 Verb::Jump => "jump ",
                 Verb::End => "end ",
             });
-            text.push_str(&statement.thread.to_string());
+            text.push_str(&Named((statement.thread, statement.path)).to_string());
             text.push(' ');
             quantity::TIME.push(text, statement.time_s)?;
             if let Verb::Start(start) = &statement.verb {
@@ -248,6 +452,32 @@ pub fn push_line<S: Space>(text: &mut String, line: &S::Line, receivers: &[S::Re
                     text.push_str(" cause ");
                     push_quoted(text, &start.cause);
                 }
+                if !start.pattern.is_empty() {
+                    if !S::HAS_PLACES {
+                        return Err(Error::new(format!("a score in {} space has no patterns", S::NAME)));
+                    }
+                    text.push_str(" pattern ");
+                    push_name(text, &start.pattern);
+                }
+            }
+        }
+        LineRef::Cue(cue) => {
+            text.push_str(cue_verb(&cue.action));
+            text.push_str(&format!(" {} ", cue.thread));
+            quantity::TIME.push(text, cue.time_s)?;
+            match &cue.action {
+                Action::Set(values) if values.is_empty() => {
+                    return Err(Error::new("a `set` without any value"));
+                }
+                Action::Set(values) => push_values(text, values)?,
+                Action::Strike(blow) => {
+                    text.push_str(" impulse ");
+                    quantity::IMPULSE.push(text, blow.impulse_ns)?;
+                    text.push_str(" place ");
+                    quantity::STRIKE_PLACE.push(text, blow.place)?;
+                    text.push_str(" contact ");
+                    quantity::CONTACT.push(text, blow.contact_s)?;
+                }
             }
         }
         LineRef::Microphone(key) => {
@@ -269,6 +499,19 @@ pub fn place(words: &Words<'_>, fault: Fault) -> Error {
     words.place_at_word(fault.word, *fault.error)
 }
 
+/// The word that begins the line of a cue.
+pub fn cue_verb(action: &Action) -> &'static str {
+    match action {
+        Action::Set(_) => "set",
+        Action::Strike(_) => "strike",
+    }
+}
+
+/// Whether the word begins the line of a cue.
+pub fn is_cue_verb(keyword: &str) -> bool {
+    CUE_VERBS.contains(&keyword)
+}
+
 /// Whether the word begins a line of a thread.
 pub fn is_thread_verb(keyword: &str) -> bool {
     THREAD_VERBS.contains(&keyword)
@@ -276,18 +519,20 @@ pub fn is_thread_verb(keyword: &str) -> bool {
 
 /// Whether the word begins a line after the header.
 pub fn is_verb<S: Space>(keyword: &str) -> bool {
-    THREAD_VERBS.contains(&keyword) || S::RECEIVER_VERBS.contains(&keyword)
+    THREAD_VERBS.contains(&keyword) || is_cue_verb(keyword) || S::RECEIVER_VERBS.contains(&keyword)
 }
 
 /// A line begins with a word that cannot begin one here.
 pub fn unknown_keyword<S: Space>(words: &Words<'_>, keyword: &str) -> Error {
-    if DECLARATIONS.contains(&keyword) || keyword == S::RECEIVER_KEYWORD {
+    let elsewhere = !S::HAS_PLACES && ["surroundings", "pattern"].contains(&keyword);
+    if DECLARATIONS.contains(&keyword) && !elsewhere || keyword == S::RECEIVER_KEYWORD {
         return words
             .fault(format!("`{keyword}` stands after the first line of a thread or microphone"))
             .help("move it up into the header, before all those lines");
     }
     let in_object =
         ObjectSpace::RECEIVER_KEYWORD == keyword || ObjectSpace::RECEIVER_VERBS.contains(&keyword);
+    let in_object = in_object || elsewhere;
     for (belongs, space) in
         [(in_object, ObjectSpace::NAME), (keyword == ChannelSpace::RECEIVER_KEYWORD, ChannelSpace::NAME)]
     {
@@ -299,7 +544,7 @@ pub fn unknown_keyword<S: Space>(words: &Words<'_>, keyword: &str) -> Error {
             return words.fault(what);
         }
     }
-    let known = [S::RECEIVER_KEYWORD].into_iter().chain(DECLARATIONS).chain(THREAD_VERBS);
+    let known = [S::RECEIVER_KEYWORD].into_iter().chain(DECLARATIONS).chain(THREAD_VERBS).chain(CUE_VERBS);
     let known = known.chain(S::RECEIVER_VERBS.iter().copied());
     words.unknown("keyword", keyword, known, "a declaration or a line of a thread")
 }

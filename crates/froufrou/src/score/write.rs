@@ -8,7 +8,7 @@ use super::lexer::MAX_LINE_BYTES;
 use super::note::{Declared, Note};
 use super::rules::{Fault, Rules, Step};
 use super::space::{ChannelSpace, LineRef, ObjectSpace, Space};
-use super::syntax::{header_lines, push_line};
+use super::syntax::{cue_verb, header_lines, push_line};
 use super::{Header, Verb};
 use crate::{Error, Result, WholeFile};
 
@@ -19,19 +19,13 @@ use crate::{Error, Result, WholeFile};
 /// for the threads that have started and not ended. Call [`finish`](Self::finish) at the end.
 ///
 /// ```
-/// use froufrou::score::{Arrival, ChannelWriter, Header, Order, Repeat, Sound, Start, Statement, Verb};
+/// use froufrou::score::{
+///     Arrival, ChannelLine, ChannelWriter, Header, Order, Repeat, Sound, Start, Statement, Verb,
+/// };
 ///
 /// let header = Header {
-///     speed_of_sound_mps: 343.0,
-///     duration_s: None,
-///     order: Order::Time,
-///     sounds: vec![Sound {
-///         name: "drip".into(),
-///         recording: "drip.wav".into(),
-///         repeat: Repeat::Once,
-///         channel: None,
-///     }],
-///     receivers: vec!["left".to_string(), "right".to_string()],
+///     sounds: vec![Sound::recording("drip", "drip.wav", Repeat::Once, None)],
+///     ..Header::new(Order::Time, vec!["left".to_string(), "right".to_string()])
 /// };
 /// let start = Start {
 ///     sound: "drip".into(),
@@ -39,16 +33,18 @@ use crate::{Error, Result, WholeFile};
 ///     offset_s: 0.0,
 ///     object: String::new(),
 ///     cause: "a leak".into(),
+///     pattern: String::new(),
 /// };
 /// let arrival = |gain, delay_s| Arrival { gain, delay_s };
 ///
 /// let mut writer = ChannelWriter::new(Vec::new(), &header)?;
-/// writer.write(&Statement {
+/// writer.write(&ChannelLine::Thread(Statement {
 ///     thread: 1,
+///     path: 0,
 ///     time_s: 0.5,
 ///     verb: Verb::Start(start),
 ///     value: vec![arrival(0.5, 0.01), arrival(0.25, 0.011)],
-/// })?;
+/// }))?;
 /// let text = String::from_utf8(writer.finish()?)?;
 /// assert_eq!(text, r#"froufrou-score 1 channel
 /// order time
@@ -134,6 +130,9 @@ impl<S: Space, W: Write> Writer<S, W> {
         for sound in &header.sounds {
             self.rules.declare_sound(sound).map_err(unplaced)?;
         }
+        for pattern in &header.patterns {
+            self.rules.declare_pattern(pattern).map_err(unplaced)?;
+        }
         for receiver in &header.receivers {
             let (name, stands) = (S::receiver_name(receiver), S::receiver_stands(receiver));
             self.rules.declare_receiver(name, stands).map_err(unplaced)?;
@@ -182,13 +181,7 @@ impl<S: Space, W: Write> Writer<S, W> {
     ///
     /// ```
     /// # use froufrou::score::{ChannelWriter, Header, Order};
-    /// # let header = Header {
-    /// #     speed_of_sound_mps: 343.0,
-    /// #     duration_s: None,
-    /// #     order: Order::Time,
-    /// #     sounds: vec![],
-    /// #     receivers: vec!["main".to_string()],
-    /// # };
+    /// # let header = Header::new(Order::Time, vec!["main".to_string()]);
     /// let mut writer = ChannelWriter::new(Vec::new(), &header)?;
     /// writer.comment("the second scene")?;
     /// assert!(writer.finish()?.ends_with(b"\n# the second scene\n"));
@@ -270,13 +263,22 @@ fn check_line<S: Space>(line: &S::Line, rules: &mut Rules<()>, number: usize) ->
         LineRef::Thread(statement) => {
             let step = match &statement.verb {
                 Verb::Start(start) => Step::Start { sound: &start.sound },
+                Verb::Path => Step::Path,
                 Verb::Key => Step::Key,
                 Verb::Jump => Step::Jump,
                 Verb::End => Step::End,
             };
-            let slot = rules.thread(step, statement.thread, statement.time_s, number).map_err(unplaced)?;
+            let of = (statement.thread, statement.path);
+            let slot = rules.thread(step, of, statement.time_s, number).map_err(unplaced)?;
+            if let Verb::Start(start) = &statement.verb {
+                slot.has_pattern(&start.pattern)?;
+                if start.speed != 1.0 || start.offset_s.to_bits() != 0 {
+                    slot.plays_recording(if start.speed == 1.0 { "offset" } else { "speed" })?;
+                }
+            }
             slot.keep(&());
         }
+        LineRef::Cue(cue) => rules.cue(cue_verb(&cue.action), cue.thread, cue.time_s).map_err(unplaced)?,
         LineRef::Microphone(key) => {
             let heard = rules.hear(key.microphone, key.time_s, key.cut).map_err(unplaced)?;
             heard.last = Some(*key);

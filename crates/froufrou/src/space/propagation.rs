@@ -14,8 +14,8 @@ use std::collections::{BTreeMap, BinaryHeap, VecDeque};
 use super::microphone::{NEAR_M, gain_and_distance, length};
 use super::track::Track;
 use crate::score::{
-    Arrival, ChannelHeader, ChannelLine, LATEST_S, LONGEST_DELAY_S, Microphone, MicrophoneKey,
-    MicrophoneShape, ObjectHeader, ObjectLine, Order, Placement, Pose, Statement, Verb,
+    Arrival, ChannelHeader, ChannelLine, Cue, LATEST_S, LONGEST_DELAY_S, Microphone, MicrophoneKey,
+    MicrophoneShape, ObjectHeader, ObjectLine, Order, Placement, Pose, Statement, Verb, Whereabouts,
 };
 use crate::synth::path::FADE_S;
 use crate::{Error, Result};
@@ -39,6 +39,9 @@ pub fn channel_header(header: &ObjectHeader) -> ChannelHeader {
     ChannelHeader {
         speed_of_sound_mps: header.speed_of_sound_mps,
         duration_s: header.duration_s,
+        seed: header.seed,
+        surroundings: None,
+        patterns: Vec::new(),
         order: Order::Time,
         sounds: header.sounds.clone(),
         receivers: header.receivers.iter().map(|m| m.name.clone()).collect(),
@@ -50,10 +53,17 @@ pub fn channel_header(header: &ObjectHeader) -> ChannelHeader {
 pub struct Propagation<L> {
     inbox: Inbox<L>,
     sources: BTreeMap<u64, Source>,
-    /// When each thread has its next line to give.
-    due: BinaryHeap<Reverse<(Time, u64)>>,
+    /// When each thread has its next line to give, and each cue is passed on.
+    due: BinaryHeap<Reverse<(Time, u64, Due)>>,
     ready: VecDeque<ChannelLine>,
     failed: bool,
+}
+
+/// What a thread is due for. At one time its line comes before what it is told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Due {
+    Line,
+    Cue,
 }
 
 /// A time that can be ordered.
@@ -139,14 +149,16 @@ struct Inbox<L> {
     speed_of_sound_mps: f64,
     ears: Vec<Ear>,
     waiting: BTreeMap<u64, Waiting>,
-    begun: Vec<(f64, u64)>,
+    /// What the threads are told, until its time has come.
+    cues: BTreeMap<u64, VecDeque<Cue>>,
+    begun: Vec<(f64, u64, Due)>,
 }
 
 /// What a thread has still to do.
 struct Waiting {
     lines: VecDeque<Statement<Placement>>,
     /// Time and place of the last line read.
-    last: (f64, [f64; 3]),
+    last: (f64, Whereabouts),
     /// True once that line is the end.
     ended: bool,
 }
@@ -162,6 +174,7 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Inbox<L> {
         }
         Ok(self.next.as_ref().map(|line| match line {
             ObjectLine::Thread(statement) => statement.time_s,
+            ObjectLine::Cue(cue) => cue.time_s,
             ObjectLine::Microphone(key) => key.time_s,
         }))
     }
@@ -180,8 +193,22 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Inbox<L> {
                     .into_iter()
                     .for_each(|ear| ear.hear(&key));
             }
+            Some(ObjectLine::Cue(cue)) => {
+                check(cue.time_s, [0.0; 3])
+                    .map_err(|what| Error::new(format!("thread {} {what}", cue.thread)))?;
+                self.begun.push((cue.time_s, cue.thread, Due::Cue));
+                self.cues.entry(cue.thread).or_default().push_back(cue);
+            }
             Some(ObjectLine::Thread(line)) => {
-                check(line.time_s, line.value.position_m)
+                let position_m = match line.value.whereabouts {
+                    Whereabouts::At(position_m) => position_m,
+                    Whereabouts::Around(ear) if ear < self.ears.len() => [0.0; 3],
+                    Whereabouts::Around(ear) => {
+                        let what = format!("thread {} is around microphone {}", line.thread, ear + 1);
+                        return Err(Error::new(format!("{what}; there are {}", self.ears.len())));
+                    }
+                };
+                check(line.time_s, position_m)
                     .map_err(|what| Error::new(format!("thread {} {what}", line.thread)))?;
                 self.wait(line)?;
             }
@@ -190,9 +217,9 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Inbox<L> {
     }
 
     fn wait(&mut self, mut line: Statement<Placement>) -> Result<()> {
-        let (id, here) = (line.thread, (line.time_s, line.value.position_m));
+        let (id, here) = (line.thread, (line.time_s, line.value.whereabouts));
         if matches!(line.verb, Verb::Start(_)) {
-            self.begun.push((line.time_s, id));
+            self.begun.push((line.time_s, id, Due::Line));
             self.waiting.insert(id, Waiting { lines: VecDeque::from([line]), last: here, ended: false });
             return Ok(());
         }
@@ -202,10 +229,19 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Inbox<L> {
                 line.time_s
             )));
         };
-        let (time_s, from_m) = waiting.last;
+        let (time_s, before) = waiting.last;
         let reach_m = JUMP_SPEED * self.speed_of_sound_mps * (line.time_s - time_s);
-        if line.verb == Verb::Key && distance(from_m, line.value.position_m) > reach_m {
-            line.verb = Verb::Jump;
+        match (before, line.value.whereabouts) {
+            (Whereabouts::At(from_m), Whereabouts::At(to_m)) => {
+                if line.verb == Verb::Key && distance(from_m, to_m) > reach_m {
+                    line.verb = Verb::Jump;
+                }
+            }
+            (before, here) if before == here => {}
+            _ => {
+                return Err(Error::new(format!("thread {id} is around a microphone and elsewhere"))
+                    .help("end it and start another"));
+            }
         }
         waiting.last = here;
         waiting.ended = line.verb == Verb::End;
@@ -287,6 +323,8 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 /// A thread on its way.
 struct Source {
+    /// The microphone that it is all around, if it is.
+    around: Option<usize>,
     /// Its motion since the start or the last jump.
     track: Track<3>,
     /// Time and gain of the line last passed.
@@ -307,6 +345,7 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
                 speed_of_sound_mps: header.speed_of_sound_mps,
                 ears: header.receivers.iter().map(Ear::new).collect(),
                 waiting: BTreeMap::new(),
+                cues: BTreeMap::new(),
                 begun: Vec::new(),
             },
             sources: BTreeMap::new(),
@@ -321,18 +360,22 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
             if let Some(line) = self.ready.pop_front() {
                 return Ok(Some(line));
             }
-            for (time_s, id) in std::mem::take(&mut self.inbox.begun) {
-                self.due.push(Reverse((Time(time_s), id)));
+            for (time_s, id, due) in std::mem::take(&mut self.inbox.begun) {
+                self.due.push(Reverse((Time(time_s), id, due)));
             }
-            let due_s = self.due.peek().map(|Reverse((time, _))| time.0);
+            let due_s = self.due.peek().map(|Reverse((time, ..))| time.0);
             match (due_s, self.inbox.peek_s()?) {
                 (None, None) => return Ok(None),
                 // Every line up to the time due must be in, or a thread could begin before it.
                 (Some(due_s), next_s) if next_s.is_none_or(|next_s| next_s > due_s) => {
-                    if let Some(Reverse((Time(time_s), id))) = self.due.pop() {
+                    if let Some(Reverse((Time(time_s), id, due))) = self.due.pop() {
+                        if due == Due::Cue {
+                            self.pass_cue(id);
+                            continue;
+                        }
                         self.inbox.ears.iter_mut().filter(|ear| ear.moves).for_each(|ear| ear.forget(time_s));
                         if let Some(next_s) = self.advance(id, time_s)? {
-                            self.due.push(Reverse((Time(next_s), id)));
+                            self.due.push(Reverse((Time(next_s), id, Due::Line)));
                         } else {
                             self.sources.remove(&id);
                             self.inbox.waiting.remove(&id);
@@ -343,6 +386,15 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
                     self.inbox.read()?;
                 }
             }
+        }
+    }
+
+    /// Passes the next thing on that a thread is told.
+    fn pass_cue(&mut self, id: u64) {
+        let Some(cues) = self.inbox.cues.get_mut(&id) else { return };
+        self.ready.extend(cues.pop_front().map(ChannelLine::Cue));
+        if cues.is_empty() {
+            self.inbox.cues.remove(&id);
         }
     }
 
@@ -371,11 +423,15 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
 
     /// Gives a line of the score.
     fn through(&mut self, id: u64, line: Statement<Placement>) -> Result<()> {
-        let (time_s, Placement { position_m, gain }) = (line.time_s, line.value);
+        let (time_s, Placement { whereabouts, gain, .. }) = (line.time_s, line.value);
+        let (position_m, around) = match whereabouts {
+            Whereabouts::At(position_m) => (position_m, None),
+            Whereabouts::Around(ear) => ([0.0; 3], Some(ear)),
+        };
         match &line.verb {
             Verb::Start(_) => {
                 let mut takes = Vec::with_capacity(self.inbox.ears.len());
-                for ear in 0..self.inbox.ears.len() {
+                for ear in (0..self.inbox.ears.len()).filter(|_| around.is_none()) {
                     let mut take = self.inbox.ears[ear].first_take;
                     let mut arrival_s = self.inbox.arrival_s(ear, take, position_m, time_s)?;
                     while self.inbox.ears[ear].cut_s(take).is_some_and(|cut_s| arrival_s >= cut_s) {
@@ -385,6 +441,7 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
                     takes.push(take);
                 }
                 let source = Source {
+                    around,
                     track: Track::new(time_s, position_m),
                     passed: (time_s, gain),
                     takes,
@@ -400,7 +457,8 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
                     source.track = Track::new(time_s, position_m);
                 }
             }
-            Verb::Key | Verb::End => {}
+            // Object space has no paths: a reader refuses them.
+            Verb::Key | Verb::Path | Verb::End => {}
         }
         let Some(source) = self.sources.get_mut(&id) else { return Ok(()) };
         source.passed = (time_s, gain);
@@ -409,8 +467,10 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
         // The keys that the motion to the next line depends on: that line and the one behind it.
         for ahead in 0..2 {
             match self.inbox.ahead(id, ahead)? {
-                Some(next) if matches!(next.verb, Verb::Key | Verb::End) => {
-                    source.track.push(next.time_s, next.value.position_m);
+                Some(Statement { time_s, verb: Verb::Key | Verb::End, value, .. }) => {
+                    if let Whereabouts::At(position_m) = value.whereabouts {
+                        source.track.push(*time_s, position_m);
+                    }
                 }
                 _ => break,
             }
@@ -504,12 +564,16 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
     fn give(&mut self, id: u64, time_s: f64, verb: Verb, gain: f64) -> Result<()> {
         let Some(source) = self.sources.get(&id) else { return Ok(()) };
         let position = source.track.at(time_s).0;
-        let mut value = Vec::with_capacity(source.takes.len());
+        let mut value = Vec::with_capacity(self.inbox.ears.len());
+        if let Some(around) = source.around {
+            let heard = |ear| if ear == around { gain } else { 0.0 };
+            value.extend((0..self.inbox.ears.len()).map(|ear| Arrival { gain: heard(ear), delay_s: 0.0 }));
+        }
         for (ear, &take) in source.takes.iter().enumerate() {
             let arrival = self.inbox.arrival(ear, take, position, time_s)?;
             value.push(Arrival { gain: arrival.gain * gain, ..arrival });
         }
-        self.ready.push_back(Statement { thread: id, time_s, verb, value });
+        self.ready.push_back(ChannelLine::Thread(Statement { thread: id, path: 0, time_s, verb, value }));
         Ok(())
     }
 }
@@ -536,22 +600,18 @@ mod tests {
 
     fn header(fixed: Option<[f64; 3]>) -> ObjectHeader {
         let pose = |position_m| Pose { position_m, facing: [0.0, 0.0, -1.0] };
-        Header {
-            speed_of_sound_mps: 340.0,
-            duration_s: None,
-            order: Order::Time,
-            sounds: Vec::new(),
-            receivers: vec![Microphone { name: "m".into(), shape: OMNI, fixed: fixed.map(pose) }],
-        }
+        let microphone = Microphone { name: "m".into(), shape: OMNI, fixed: fixed.map(pose) };
+        Header { speed_of_sound_mps: 340.0, ..Header::new(Order::Time, vec![microphone]) }
     }
 
     fn line(thread: u64, time_s: f64, verb: Verb, position_m: [f64; 3]) -> Result<ObjectLine> {
-        Ok(ObjectLine::Thread(Statement { thread, time_s, verb, value: Placement { position_m, gain: 2.0 } }))
+        let value = Placement::at(position_m, 2.0);
+        Ok(ObjectLine::Thread(Statement { thread, path: 0, time_s, verb, value }))
     }
 
     fn start() -> Verb {
         let (sound, object, cause) = ("s".into(), String::new(), String::new());
-        Verb::Start(Start { sound, speed: 1.0, offset_s: 0.0, object, cause })
+        Verb::Start(Start { sound, speed: 1.0, offset_s: 0.0, object, cause, pattern: String::new() })
     }
 
     fn hear(time_s: f64, position_m: [f64; 3], cut: bool) -> Result<ObjectLine> {
@@ -559,9 +619,9 @@ mod tests {
         Ok(ObjectLine::Microphone(MicrophoneKey { microphone: 0, time_s, pose, cut }))
     }
 
-    fn propagate(header: &ObjectHeader, lines: Vec<Result<ObjectLine>>) -> Vec<ChannelLine> {
-        let lines: Vec<ChannelLine> =
-            Propagation::new(header, lines.into_iter()).map(|l| l.unwrap()).collect();
+    fn propagate(header: &ObjectHeader, lines: Vec<Result<ObjectLine>>) -> Vec<Statement<Vec<Arrival>>> {
+        let lines = Propagation::new(header, lines.into_iter()).map(|line| line.unwrap());
+        let lines: Vec<_> = lines.filter_map(|line| line.statement().cloned()).collect();
         assert!(lines.windows(2).all(|w| w[0].time_s <= w[1].time_s), "in time order");
         lines
     }
@@ -585,7 +645,7 @@ mod tests {
             &header(Some([0.0; 3])),
             vec![line(1, 0.0, start(), [-40.0, 0.0, 2.0]), line(1, 2.0, Verb::End, [40.0, 0.0, 2.0])],
         );
-        let key = |l: &ChannelLine| crate::synth::path::PathKey {
+        let key = |l: &Statement<Vec<Arrival>>| crate::synth::path::PathKey {
             emission_s: l.time_s,
             delay_s: l.value[0].delay_s,
             gain: l.value[0].gain,
@@ -661,6 +721,7 @@ mod tests {
     fn line_s(line: &Result<ObjectLine>) -> f64 {
         match line.as_ref().unwrap() {
             ObjectLine::Thread(statement) => statement.time_s,
+            ObjectLine::Cue(cue) => cue.time_s,
             ObjectLine::Microphone(key) => key.time_s,
         }
     }

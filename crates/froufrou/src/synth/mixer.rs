@@ -4,12 +4,46 @@
 //! the block that is asked for, and forgets what has sounded. Its memory follows the number of
 //! threads that sound at once and the distance between their keys, not the length of the score.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::instrument::Instrument;
 use super::path::{PathBuilder, PathKey, Segment};
-use super::voice::{self, Playback, Prototype};
-use crate::score::{Arrival, ChannelLine, LATEST_S, LONGEST_DELAY_S, Start, Verb};
-use crate::{Error, Result};
+use super::sinc;
+use super::source::Source;
+use super::voice::{self, Playback, Prototype, Signal};
+use crate::random::Random;
+use crate::score::{Arrival, ChannelLine, Cue, LATEST_S, LONGEST_DELAY_S, Start, Statement, Verb};
+use crate::{Error, Place, Result};
+
+/// What a thread can play.
+#[derive(Clone)]
+pub enum Sounding {
+    /// A recording.
+    Recording(Prototype),
+    /// A synthesised sound.
+    Instrument(Arc<dyn Instrument>),
+}
+
+impl Sounding {
+    /// Length in seconds at speed 1; infinite for what does not end by itself.
+    pub fn duration_s(&self) -> f64 {
+        match self {
+            Sounding::Recording(prototype) => prototype.duration_s(),
+            Sounding::Instrument(_) => f64::INFINITY,
+        }
+    }
+}
+
+impl From<Prototype> for Sounding {
+    fn from(prototype: Prototype) -> Self {
+        Sounding::Recording(prototype)
+    }
+}
 
 /// Nothing arrives before it leaves, but a resampled onset rings before it. It does so for this long
 /// at most; what is read so slowly that it would ring for longer begins with less of it.
@@ -18,9 +52,13 @@ const ONSET_S: f64 = 1.0;
 /// Playback speeds outside of this make positions in the recording that no number can tell apart.
 const SPEEDS: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
 
-/// A thread that sounds or will.
+/// Emission seconds that an arrival second may hold at most within a segment: three times what two
+/// keys may be apart.
+const FASTEST: f64 = 24.0;
+
+/// A path of a thread that sounds or will.
 struct Thread {
-    prototype: usize,
+    sound: usize,
     playback: Playback,
     /// The index of its object in [`Mixer::objects`].
     object: usize,
@@ -28,6 +66,9 @@ struct Thread {
     builders: Vec<PathBuilder>,
     segments: Vec<Vec<Segment>>,
     ended: bool,
+    /// Whether it begins within the sound, and else how far before its first key it may ring.
+    fades_in: bool,
+    lead_s: f64,
 }
 
 impl Thread {
@@ -37,6 +78,21 @@ impl Thread {
             return f64::INFINITY;
         }
         self.builders.iter().map(PathBuilder::known_s).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The latest emission time that is heard before an arrival time, as far as the paths are known.
+    fn emitted_before_s(&self, arrival_s: f64) -> Option<f64> {
+        let heard = self.segments.iter().flatten().filter(|segment| segment.begin_s < arrival_s);
+        let latest = heard.map(|segment| segment.emission_s(segment.end_s.min(arrival_s)));
+        latest.max_by(f64::total_cmp)
+    }
+
+    /// The earliest emission time that is heard from an arrival time on.
+    fn emitted_from_s(&self, arrival_s: f64) -> f64 {
+        let known = self.segments.iter().flatten().filter(|segment| segment.end_s > arrival_s);
+        let known = known.map(|segment| segment.emission_s(segment.begin_s.max(arrival_s)));
+        let coming = self.builders.iter().filter(|_| !self.ended).map(PathBuilder::coming_s);
+        known.chain(coming).fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -70,24 +126,33 @@ pub struct Begun {
 pub struct Voices {
     rate_hz: f64,
     channels: usize,
-    prototypes: Vec<Prototype>,
-    threads: BTreeMap<u64, Thread>,
+    sounds: Vec<Sounding>,
+    threads: BTreeMap<(u64, u32), Thread>,
+    /// The signals of the threads that are synthesised.
+    sources: BTreeMap<u64, Source>,
 }
 
 impl Voices {
+    fn signal(&self, thread: u64, sound: usize) -> Option<Signal<'_>> {
+        match &self.sounds[sound] {
+            Sounding::Recording(prototype) => Some(prototype.signal()),
+            Sounding::Instrument(_) => self.sources.get(&thread).map(Source::signal),
+        }
+    }
+
     /// Renders the frames from `frame` on. They must have been read ([`Mixer::read_to`]) and not
     /// released ([`Mixer::release`]). Blocks may be rendered in any order and at the same time.
     pub fn render(&self, frame: u64, frames: usize, with_stems: bool) -> Block {
         let mut block = Block { mix: vec![0.0; frames * self.channels], stems: BTreeMap::new() };
         let (mut voice, mut window) = (vec![0.0; frames], Vec::new());
         let (begin_s, end_s) = (frame as f64 / self.rate_hz, (frame + frames as u64) as f64 / self.rate_hz);
-        for thread in self.threads.values() {
-            let prototype = &self.prototypes[thread.prototype];
+        for (&(id, _), thread) in &self.threads {
+            let Some(signal) = self.signal(id, thread.sound) else { continue };
             for (channel, segments) in thread.segments.iter().enumerate() {
                 let sounding = |s: &&Segment| s.begin_s < end_s && s.end_s > begin_s && s.gain != [0.0; 2];
                 for segment in segments.iter().filter(sounding) {
                     let touched = voice::add_segment(
-                        prototype,
+                        signal,
                         &thread.playback,
                         segment,
                         self.rate_hz,
@@ -120,6 +185,11 @@ pub struct Mixer<L> {
     object_indices: HashMap<String, usize>,
     begun: Vec<Begun>,
     last_arrival_s: f64,
+    seed: u64,
+    /// What has arrived before this frame has been released.
+    released: u64,
+    keeps_going: bool,
+    faults: Vec<Error>,
 }
 
 impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
@@ -131,26 +201,55 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
     pub fn new(
         rate_hz: u32,
         channels: usize,
-        sounds: impl IntoIterator<Item = (String, Prototype)>,
+        sounds: impl IntoIterator<Item = (String, Sounding)>,
         lines: L,
     ) -> Result<Self> {
-        let (mut names, mut prototypes) = (BTreeMap::new(), Vec::new());
-        for (name, prototype) in sounds {
-            names.insert(name, prototypes.len());
-            prototypes.push(prototype);
+        let (mut names, mut soundings) = (BTreeMap::new(), Vec::new());
+        for (name, sounding) in sounds {
+            names.insert(name, soundings.len());
+            soundings.push(sounding);
         }
+        let voices = Voices {
+            rate_hz: f64::from(rate_hz),
+            channels,
+            sounds: soundings,
+            threads: BTreeMap::new(),
+            sources: BTreeMap::new(),
+        };
         let mut mixer = Self {
             lines,
             next: None,
             names,
-            voices: Voices { rate_hz: f64::from(rate_hz), channels, prototypes, threads: BTreeMap::new() },
+            voices,
             objects: Vec::new(),
             object_indices: HashMap::new(),
             begun: Vec::new(),
             last_arrival_s: 0.0,
+            seed: 0,
+            released: 0,
+            keeps_going: false,
+            faults: Vec::new(),
         };
         mixer.next = mixer.lines.next().transpose()?;
         Ok(mixer)
+    }
+
+    /// The same mixer, with the seed of all that is random in synthesised sounds.
+    #[must_use]
+    pub fn with_seed(self, seed: u64) -> Self {
+        Self { seed, ..self }
+    }
+
+    /// The same mixer; where it keeps going, a synthesised sound that fails falls silent, and its fault
+    /// is told by [`take_faults`](Self::take_faults).
+    #[must_use]
+    pub fn keeping_going(self, keeps_going: bool) -> Self {
+        Self { keeps_going, ..self }
+    }
+
+    /// The faults of synthesised sounds that have fallen silent since this was last asked.
+    pub fn take_faults(&mut self) -> Vec<Error> {
+        std::mem::take(&mut self.faults)
     }
 
     /// The objects whose threads have begun so far; stems are numbered by this list.
@@ -165,7 +264,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
 
     /// The time of the next line to be read, in seconds, where there is one.
     pub fn next_s(&self) -> Option<f64> {
-        self.next.as_ref().map(|line| line.time_s)
+        self.next.as_ref().map(ChannelLine::time_s)
     }
 
     /// True where every line has been read; then the latest arrival is known.
@@ -188,36 +287,104 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         &self.voices
     }
 
-    /// Reads on until all that arrives before `end_frame` is known.
+    /// Reads on until all that arrives before `end_frame` is known, and synthesises it.
     ///
     /// # Errors
-    /// A line that cannot be read, or one that does not fit those before it.
+    /// A line that cannot be read, or one that does not fit those before it; a synthesised sound that
+    /// fails, unless the mixer keeps going.
     pub fn read_to(&mut self, end_frame: u64) -> Result<()> {
+        self.read_lines(end_frame)?;
+        self.synthesise(self.released, end_frame)
+    }
+
+    /// Reads on to a frame and releases what arrives before it, which will not be rendered.
+    ///
+    /// # Errors
+    /// As [`Mixer::read_to`].
+    pub fn skip_to(&mut self, frame: u64) -> Result<()> {
+        self.read_lines(frame)?;
+        self.synthesise(frame, frame)?;
+        self.release(frame);
+        Ok(())
+    }
+
+    fn read_lines(&mut self, end_frame: u64) -> Result<()> {
         let end_s = end_frame as f64 / self.voices.rate_hz;
-        while self.next.as_ref().is_some_and(|line| line.time_s <= end_s + ONSET_S) {
+        while self.next.as_ref().is_some_and(|line| line.time_s() <= end_s + ONSET_S) {
             self.read_line()?;
         }
-        let mut open: Vec<u64> =
-            self.voices.threads.iter().filter(|(_, t)| t.known_s() < end_s).map(|(&id, _)| id).collect();
+        let is_open = |voices: &Voices, id: u64| {
+            let mut paths = voices.threads.range((id, 0)..=(id, u32::MAX)).map(|(_, path)| path);
+            // What has ended is told nothing more.
+            let told = voices
+                .sources
+                .get(&id)
+                .filter(|_| voices.threads.get(&(id, 0)).is_some_and(|direct| !direct.ended));
+            let start_s = |direct: &Thread| direct.playback.start_s;
+            let told_s = told
+                .and_then(|source| Some(source.known_s() + start_s(voices.threads.get(&(id, 0))?)))
+                .unwrap_or(f64::INFINITY);
+            // A little more than is heard is synthesised.
+            paths.any(|path| path.known_s() < end_s) || told_s < end_s + ONSET_S
+        };
+        let ids: BTreeSet<u64> = self.voices.threads.keys().map(|&(id, _)| id).collect();
+        let mut open: BTreeSet<u64> = ids.into_iter().filter(|&id| is_open(&self.voices, id)).collect();
         while !open.is_empty() && self.next.is_some() {
             let id = self.read_line()?;
-            if self.voices.threads.get(&id).is_none_or(|t| t.known_s() >= end_s) {
-                open.retain(|&o| o != id);
+            if !is_open(&self.voices, id) {
+                open.remove(&id);
             }
         }
         if self.next.is_none() {
             // A thread that the score leaves open sounds no longer than its last key.
-            let open: Vec<u64> =
-                self.voices.threads.iter().filter(|(_, t)| !t.ended).map(|(&id, _)| id).collect();
-            for id in open {
-                self.end(id, None);
+            let open: Vec<(u64, u32)> =
+                self.voices.threads.iter().filter(|(_, t)| !t.ended).map(|(&of, _)| of).collect();
+            for of in open {
+                self.end(of, None);
             }
         }
         Ok(())
     }
 
+    /// Makes the signals of synthesised threads, as far as they are heard between two frames.
+    fn synthesise(&mut self, begin_frame: u64, end_frame: u64) -> Result<()> {
+        let Voices { rate_hz, threads, sources, .. } = &mut self.voices;
+        let rate_hz = *rate_hz;
+        let (begin_s, end_s) = (begin_frame as f64 / rate_hz, end_frame as f64 / rate_hz);
+        let around = sinc::half_width(FASTEST) as f64 + 2.0;
+        let mut work: Vec<(u64, &mut Source, [u64; 2])> = Vec::new();
+        for (&id, source) in sources {
+            let paths = || threads.range((id, 0)..=(id, u32::MAX)).map(|(_, path)| path);
+            let Some(start_s) = paths().next().map(|path| path.playback.start_s) else { continue };
+            let Some(to_s) = paths().filter_map(|path| path.emitted_before_s(end_s)).max_by(f64::total_cmp)
+            else {
+                continue;
+            };
+            let from_s = paths().map(|path| path.emitted_from_s(begin_s)).fold(f64::INFINITY, f64::min);
+            let from = ((from_s.min(to_s) - start_s) * rate_hz - around).max(0.0) as u64;
+            let to = ((to_s - start_s) * rate_hz + around).max(0.0) as u64;
+            work.push((id, source, [from, to]));
+        }
+        let made = work.into_par_iter().map(|(id, source, [from, to])| (id, source.make(from, to)));
+        let made: Vec<(u64, Result<()>)> = made.collect();
+        let failed = made.into_iter().filter_map(|(id, made)| Some((id, made.err()?)));
+        let sound = |id: u64| threads.get(&(id, 0)).map(|thread| thread.sound);
+        let faults: Vec<Error> =
+            failed.map(|(id, fault)| in_thread(fault, id, sound(id), &self.names)).collect();
+        if faults.is_empty() {
+            return Ok(());
+        }
+        if self.keeps_going {
+            self.faults.extend(faults);
+            // What has failed is silent from there on and does not fail again.
+            return self.synthesise(begin_frame, end_frame);
+        }
+        faults.into_iter().next().map_or(Ok(()), Err)
+    }
+
     /// Forgets what has arrived before `frame`.
     pub fn release(&mut self, frame: u64) {
+        self.released = self.released.max(frame);
         let time_s = frame as f64 / self.voices.rate_hz;
         self.voices.threads.retain(|_, thread| {
             for segments in &mut thread.segments {
@@ -225,6 +392,8 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             }
             !(thread.ended && thread.segments.iter().all(Vec::is_empty))
         });
+        let Voices { threads, sources, .. } = &mut self.voices;
+        sources.retain(|&id, _| threads.range((id, 0)..=(id, u32::MAX)).next().is_some());
     }
 
     /// Takes the next line in; gives its thread.
@@ -233,6 +402,20 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         let Some(line) = std::mem::replace(&mut self.next, following) else {
             return Err(Error::new("the score has no more lines"));
         };
+        let id = line.thread();
+        if !(0.0..=LATEST_S).contains(&line.time_s()) {
+            return Err(Error::new(format!("thread {id} has a line at {} s", line.time_s()))
+                .help(format!("a soundtrack can have times from 0 to {LATEST_S} s")));
+        }
+        match line {
+            ChannelLine::Cue(cue) => self.cue(&cue)?,
+            ChannelLine::Thread(statement) => self.follow(statement)?,
+        }
+        Ok(id)
+    }
+
+    /// Takes a line of a path in.
+    fn follow(&mut self, line: Statement<Vec<Arrival>>) -> Result<()> {
         let id = line.thread;
         if line.value.len() != self.voices.channels {
             return Err(Error::new(format!(
@@ -242,41 +425,87 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
                 self.voices.channels
             )));
         }
-        if !(0.0..=LATEST_S).contains(&line.time_s) {
-            return Err(Error::new(format!("thread {id} has a line at {} s", line.time_s))
-                .help(format!("a soundtrack can have times from 0 to {LATEST_S} s")));
-        }
         for (channel, arrival) in line.value.iter().enumerate() {
             check_arrival(arrival).map_err(|what| {
                 let channel = channel + 1;
                 Error::new(format!("thread {id} has {what} in channel {channel} at {} s", line.time_s))
             })?;
         }
+        let of = (id, line.path);
         match line.verb {
             Verb::Start(start) => self.start(id, line.time_s, start, &line.value)?,
-            Verb::Key => self.through(id, line.time_s, &line.value, false)?,
-            Verb::Jump => self.through(id, line.time_s, &line.value, true)?,
+            Verb::Path => self.path(of, line.time_s, &line.value)?,
+            Verb::Key => self.through(of, line.time_s, &line.value, false)?,
+            Verb::Jump => self.through(of, line.time_s, &line.value, true)?,
             Verb::End => {
-                self.thread(id)?;
-                self.end(id, Some((line.time_s, &line.value)));
+                self.thread(of)?;
+                self.end(of, Some((line.time_s, &line.value)));
             }
         }
-        Ok(id)
+        Ok(())
     }
 
-    fn thread(&mut self, id: u64) -> Result<&mut Thread> {
+    /// Tells a synthesised sound what is said to it.
+    fn cue(&mut self, cue: &Cue) -> Result<()> {
+        let id = cue.thread;
+        let direct = self.thread((id, 0))?;
+        let (start_s, sound) = (direct.playback.start_s, direct.sound);
+        let Some(source) = self.voices.sources.get_mut(&id) else {
+            return Err(Error::new(format!("thread {id} plays a recording, which can be told nothing")));
+        };
+        let told = source.cue((cue.time_s - start_s).max(0.0), &cue.action);
+        told.map_err(|fault| in_thread(fault, id, Some(sound), &self.names))
+    }
+
+    fn thread(&mut self, of: (u64, u32)) -> Result<&mut Thread> {
+        let named = |(id, path): (u64, u32)| if path == 0 { format!("{id}") } else { format!("{id}/{path}") };
         self.voices
             .threads
-            .get_mut(&id)
+            .get_mut(&of)
             .filter(|t| !t.ended)
-            .ok_or_else(|| Error::new(format!("thread {id} has not started, or has ended")))
+            .ok_or_else(|| Error::new(format!("thread {} has not started, or has ended", named(of))))
+    }
+
+    /// Another path of a thread begins.
+    fn path(&mut self, of: (u64, u32), time_s: f64, value: &[Arrival]) -> Result<()> {
+        let direct = self.thread((of.0, 0))?;
+        let (sound, playback, object) = (direct.sound, direct.playback, direct.object);
+        // It begins within the sound, but for one that begins with it.
+        let fades_in = direct.fades_in || time_s > playback.start_s;
+        let lead_s = direct.lead_s;
+        let builders: Vec<_> =
+            path_keys(time_s, value).map(|k| PathBuilder::new(k, fades_in, lead_s)).collect();
+        match self.voices.threads.entry(of) {
+            Entry::Occupied(mut before) if before.get().ended => {
+                // What is still under way from before goes on.
+                let path = before.get_mut();
+                path.builders = builders;
+                path.ended = false;
+            }
+            Entry::Occupied(_) => {
+                return Err(Error::new(format!("path {}/{} begins twice", of.0, of.1)));
+            }
+            Entry::Vacant(place) => {
+                let segments = vec![Vec::new(); self.voices.channels];
+                place.insert(Thread {
+                    sound,
+                    playback,
+                    object,
+                    builders,
+                    segments,
+                    ended: false,
+                    fades_in,
+                    lead_s,
+                });
+            }
+        }
+        Ok(())
     }
 
     fn start(&mut self, id: u64, time_s: f64, start: Start, value: &[Arrival]) -> Result<()> {
-        let Some(&prototype) = self.names.get(&start.sound) else {
+        let Some(&sound) = self.names.get(&start.sound) else {
             return Err(Error::new(format!("thread {id} plays an unknown sound `{}`", start.sound)));
         };
-        let sound = &self.voices.prototypes[prototype];
         if !SPEEDS.contains(&start.speed) {
             return Err(Error::new(format!("thread {id} plays at speed {}", start.speed)).help(format!(
                 "speeds from {:e} to {:e} can be mixed",
@@ -288,8 +517,23 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             return Err(Error::new(format!("thread {id} begins {} s into its recording", start.offset_s)));
         }
         let playback = Playback { start_s: time_s, speed: start.speed, offset_s: start.offset_s };
-        let fades_in = playback.fades_in(sound);
-        let lead_s = playback.lead_s(sound, self.voices.rate_hz).min(ONSET_S);
+        let rate_hz = self.voices.rate_hz;
+        let (fades_in, sound_rate_hz) = match &self.voices.sounds[sound] {
+            Sounding::Recording(prototype) => (playback.fades_in(prototype), prototype.rate_hz),
+            Sounding::Instrument(instrument) => {
+                if start.speed != 1.0 || start.offset_s != 0.0 {
+                    let what = format!("thread {id} plays a synthesised sound with a speed or an offset");
+                    return Err(Error::new(what).help("only a recording can have one"));
+                }
+                let random = Random::new(self.seed ^ SOURCES, id);
+                let source = Source::new(instrument.as_ref(), rate_hz, random)
+                    .map_err(|fault| in_thread(fault, id, Some(sound), &self.names))?;
+                self.voices.sources.insert(id, source);
+                // What is struck is silent before; all else sounds already.
+                (instrument.ring_s().is_none(), rate_hz)
+            }
+        };
+        let lead_s = playback.lead_s(sound_rate_hz, rate_hz).min(ONSET_S);
         let builders: Vec<_> =
             path_keys(time_s, value).map(|k| PathBuilder::new(k, fades_in, lead_s)).collect();
         let object = match self.object_indices.get(&start.object) {
@@ -308,15 +552,15 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             gain: value.iter().map(|v| v.gain).fold(0.0, f64::max),
             start,
         });
-        let thread = Thread { prototype, playback, object, builders, segments, ended: false };
-        if self.voices.threads.insert(id, thread).is_some() {
+        let thread = Thread { sound, playback, object, builders, segments, ended: false, fades_in, lead_s };
+        if self.voices.threads.insert((id, 0), thread).is_some() {
             return Err(Error::new(format!("thread {id} starts twice")));
         }
         Ok(())
     }
 
-    fn through(&mut self, id: u64, time_s: f64, value: &[Arrival], jump: bool) -> Result<()> {
-        let thread = self.thread(id)?;
+    fn through(&mut self, of: (u64, u32), time_s: f64, value: &[Arrival], jump: bool) -> Result<()> {
+        let thread = self.thread(of)?;
         let paths = thread.builders.iter_mut().zip(&mut thread.segments);
         for ((builder, segments), key) in paths.zip(path_keys(time_s, value)) {
             let mut emit = |segment| segments.push(segment);
@@ -326,8 +570,8 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
     }
 
     /// Ends a thread at a key, or at its last one.
-    fn end(&mut self, id: u64, at: Option<(f64, &[Arrival])>) {
-        let Some(thread) = self.voices.threads.get_mut(&id) else { return };
+    fn end(&mut self, of: (u64, u32), at: Option<(f64, &[Arrival])>) {
+        let Some(thread) = self.voices.threads.get_mut(&of) else { return };
         for (channel, (builder, segments)) in thread.builders.iter_mut().zip(&mut thread.segments).enumerate()
         {
             let key = match at {
@@ -340,6 +584,20 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             self.last_arrival_s = self.last_arrival_s.max(end_s);
         }
         thread.ended = true;
+    }
+}
+
+/// Keeps the random numbers of synthesised sounds apart from others of the same seed.
+const SOURCES: u64 = 0x5eed_0f50_0d5e_1f01;
+
+/// Names the thread and the sound of a fault.
+fn in_thread(fault: Error, thread: u64, sound: Option<usize>, names: &BTreeMap<String, usize>) -> Error {
+    let name = names.iter().find(|&(_, &index)| Some(index) == sound).map_or("", |(name, _)| name);
+    // A script's fault has a file and a line, which say more.
+    if fault.file().is_some() {
+        fault
+    } else {
+        fault.at(Place::Part(format!("thread {thread}, sound {name}")))
     }
 }
 

@@ -5,4 +5,5 @@ pub mod mixer;
 pub mod path;
 pub mod prototypes;
 pub mod sinc;
+mod source;
 pub mod voice;

@@ -106,6 +106,11 @@ impl Segment {
         self.slope == [0.0; 2] && self.delay_s[0] == self.delay_s[1]
     }
 
+    /// When what arrives at a time left its source; the time may lie a little outside the segment.
+    pub fn emission_s(&self, arrival_s: f64) -> f64 {
+        arrival_s - self.at(arrival_s).delay_s
+    }
+
     /// The path at an arrival time within the segment.
     #[inline(always)]
     pub fn at(&self, arrival_s: f64) -> Moment {
@@ -152,6 +157,12 @@ impl PathBuilder {
     /// The arrival time up to which the path is known, whatever keys may follow.
     pub fn known_s(&self) -> f64 {
         if self.count < 3 { self.keys[0].arrival_s() - self.lead_s } else { self.keys[1].arrival_s() }
+    }
+
+    /// The emission time from which on segments are still to come.
+    pub fn coming_s(&self) -> f64 {
+        // The slope of the lead may be up to the limit.
+        self.keys[0].emission_s - RATE_LIMIT * self.lead_s
     }
 
     /// The path goes on through a key. Segments that have become known are given to `emit`.

@@ -1,4 +1,4 @@
-//! One thread in one channel: a sampled prototype read along a path.
+//! One path of a thread in one channel: a signal read along its way.
 
 use std::sync::Arc;
 
@@ -27,6 +27,25 @@ impl Prototype {
     }
 }
 
+/// The samples that a voice reads.
+#[derive(Debug, Clone, Copy)]
+pub struct Signal<'a> {
+    /// The samples.
+    pub samples: Samples<'a>,
+    /// The number of the first of them: a whole number, 0 for those of a recording.
+    pub base: f64,
+    /// Their rate.
+    pub rate_hz: f64,
+}
+
+impl Prototype {
+    /// Its samples.
+    pub fn signal(&self) -> Signal<'_> {
+        let samples = Samples { samples: &self.samples, looped: self.looped };
+        Signal { samples, base: 0.0, rate_hz: self.rate_hz }
+    }
+}
+
 /// How a thread plays its prototype.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Playback {
@@ -45,9 +64,10 @@ impl Playback {
     }
 
     /// Seconds before the start at which the resampled onset begins: the half width of the kernel.
-    pub fn lead_s(&self, prototype: &Prototype, rate_hz: f64) -> f64 {
-        let ratio = self.speed * prototype.rate_hz / rate_hz;
-        sinc::half_width(ratio) as f64 / (self.speed * prototype.rate_hz)
+    /// `source_rate_hz` is the rate of the samples that are played.
+    pub fn lead_s(&self, source_rate_hz: f64, rate_hz: f64) -> f64 {
+        let ratio = self.speed * source_rate_hz / rate_hz;
+        sinc::half_width(ratio) as f64 / (self.speed * source_rate_hz)
     }
 }
 
@@ -81,7 +101,7 @@ const WHOLE_SAMPLE: f64 = 1e-6;
 /// Where a path stands still, the rates agree and the delay is a whole number of samples, the
 /// recording's samples pass unchanged but for the gain.
 pub fn add_segment(
-    prototype: &Prototype,
+    signal: Signal<'_>,
     playback: &Playback,
     segment: &Segment,
     rate_hz: f64,
@@ -98,10 +118,11 @@ pub fn add_segment(
     let range = (first - block_frame) as usize..(end - block_frame) as usize;
     // The vector unit of the machine is chosen here; the sums inside are made in one fixed order.
     pulp::Arch::new().dispatch(Reading {
-        samples: Samples { samples: &prototype.samples, looped: prototype.looped },
+        samples: signal.samples,
+        base: signal.base,
         playback,
-        source_rate_hz: playback.speed * prototype.rate_hz,
-        offset: playback.offset_s * prototype.rate_hz,
+        source_rate_hz: playback.speed * signal.rate_hz,
+        offset: playback.offset_s * signal.rate_hz,
         segment,
         rate_hz,
         first,
@@ -114,6 +135,7 @@ pub fn add_segment(
 /// The inner loop of [`add_segment`].
 struct Reading<'a> {
     samples: Samples<'a>,
+    base: f64,
     playback: &'a Playback,
     /// Samples of the prototype in a second of its source's time.
     source_rate_hz: f64,
@@ -135,8 +157,11 @@ impl pulp::WithSimd for Reading<'_> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
         let step = self.source_rate_hz / self.rate_hz;
-        let place =
-            |emission_s: f64| (emission_s - self.playback.start_s) * self.source_rate_hz + self.offset;
+        // The base is taken off last: whole numbers do not change how a position is rounded, so that
+        // it does not matter how much of a signal is held.
+        let place = |emission_s: f64| {
+            (emission_s - self.playback.start_s) * self.source_rate_hz + self.offset - self.base
+        };
         // Where nothing moves, all positions are as far from a whole sample but for rounding. One
         // speaks for the whole segment: else it would depend on the block which are read unchanged.
         let whole = |position: f64| (position - position.round()).abs() < WHOLE_SAMPLE;
@@ -226,7 +251,7 @@ mod tests {
             let segment = still(start_s + delay_s, start_s + delay_s + 1.0, delay_s, 1.0);
             let mut block = vec![0.0; 4000];
             add_segment(
-                &prototype,
+                prototype.signal(),
                 &playback,
                 &segment,
                 48_000.0,
@@ -253,11 +278,11 @@ mod tests {
             let first = first_frame(start_s, 48_000.0);
             let mut whole = vec![0.0; 300];
             let window = &mut Vec::new();
-            add_segment(&prototype, &playback, &segment, 48_000.0, first, &mut whole, window);
+            add_segment(prototype.signal(), &playback, &segment, 48_000.0, first, &mut whole, window);
             for (n, piece) in whole.chunks(3).enumerate() {
                 let mut block = vec![0.0; piece.len()];
                 let at = first + 3 * n as u64;
-                add_segment(&prototype, &playback, &segment, 48_000.0, at, &mut block, window);
+                add_segment(prototype.signal(), &playback, &segment, 48_000.0, at, &mut block, window);
                 assert_eq!(block, piece);
             }
         }
@@ -276,14 +301,14 @@ mod tests {
             fades: Fades { in_s: 0.12, out_s: 0.18 },
         };
         let mut whole = vec![0.0; 20_000];
-        add_segment(&prototype, &playback, &segment, 48_000.0, 0, &mut whole, &mut Vec::new());
+        add_segment(prototype.signal(), &playback, &segment, 48_000.0, 0, &mut whole, &mut Vec::new());
         assert!(whole.iter().any(|&out| out != 0.0));
         for length in [1usize, 7, 256, 4096] {
             let mut pieces = Vec::new();
             while pieces.len() < whole.len() {
                 let mut block = vec![0.0; length];
                 add_segment(
-                    &prototype,
+                    prototype.signal(),
                     &playback,
                     &segment,
                     48_000.0,

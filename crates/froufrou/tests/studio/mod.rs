@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 
 use froufrou::Result;
 use froufrou::render::offline::{self, Extent};
-use froufrou::render::production::{ChannelLines, Production, Prototypes, open_score};
+use froufrou::render::production::{ChannelLines, Production, open_score};
 use froufrou::scene::Scene;
 use froufrou::score::ChannelHeader;
 use froufrou::synth::mixer::{Begun, Mixer};
+use froufrou::synth::prototypes::Soundings;
 use tempfile::TempDir;
 
 /// A folder that is gone when the test is over.
@@ -106,14 +107,14 @@ pub fn write_wav(path: &Path, rate_hz: u32, channels: u16, interleaved: &[f32]) 
 
 pub fn render(
     header: &ChannelHeader,
-    prototypes: Prototypes,
+    prototypes: Soundings,
     lines: ChannelLines<'_>,
     take: Take,
 ) -> Result<Sound> {
     let channels = header.receivers.len();
     let Take { rate_hz, from_s, to_s, cores } = take;
     let extent = Extent { rate_hz, from_s, to_s, duration_s: header.duration_s };
-    let mut mixer = Mixer::new(rate_hz, channels, prototypes, lines)?;
+    let mut mixer = Mixer::new(rate_hz, channels, prototypes, lines)?.with_seed(header.seed);
     let mut sound = Sound {
         rate_hz: f64::from(rate_hz),
         channels,
