@@ -18,6 +18,7 @@ fn columns() -> ContactColumns {
         push: Push::Force("f".into()),
         normal: None,
         normal_velocity: None,
+        sliding_velocity: Vec::new(),
         up: UpAxis::Y,
         unit_m: 1.0,
         time_offset_s: 0.0,

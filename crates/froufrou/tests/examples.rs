@@ -74,7 +74,10 @@ fn the_log_of_the_physics_engine_holds_what_the_readme_says() {
     let production = open("collisions");
     let events: Vec<_> = production.events().unwrap().map(|event| event.unwrap()).collect();
     let at = |a: &str, b: &str| -> Vec<f64> {
-        let of = |Event::Impact(i): &Event| (i.a.starts_with(a) && i.b.starts_with(b)).then_some(i.time_s);
+        let of = |event: &Event| match event {
+            Event::Impact(i) => (i.a.starts_with(a) && i.b.starts_with(b)).then_some(i.time_s),
+            Event::Slide(_) => None,
+        };
         events.iter().filter_map(of).collect()
     };
     let near = |times: &[f64], time: f64| times.iter().any(|t| (t - time).abs() < 0.01);

@@ -19,6 +19,8 @@ pub struct EventFindings {
     /// In seconds.
     times_s: Option<Range>,
     impulses_ns: Option<Range>,
+    /// How fast bodies slide along each other.
+    slides_mps: Option<Range>,
     /// Greatest count first.
     pairs: Vec<Pair>,
 }
@@ -39,6 +41,7 @@ pub fn read(file: &Path) -> Result<EventFindings> {
         kinds: BTreeMap::new(),
         times_s: None,
         impulses_ns: None,
+        slides_mps: None,
         pairs: Vec::new(),
     };
     let mut pairs: BTreeMap<(String, String), (u64, Option<Range>)> = BTreeMap::new();
@@ -46,12 +49,20 @@ pub fn read(file: &Path) -> Result<EventFindings> {
         let event = event?;
         found.events += 1;
         Range::widen(&mut found.times_s, event.time_s());
-        let Event::Impact(impact) = event;
-        *found.kinds.entry("impact").or_default() += 1;
-        Range::widen(&mut found.impulses_ns, impact.impulse_ns);
-        let (count, impulses) = pairs.entry((impact.a, impact.b)).or_default();
-        *count += 1;
-        Range::widen(impulses, impact.impulse_ns);
+        match event {
+            Event::Impact(impact) => {
+                *found.kinds.entry("impact").or_default() += 1;
+                Range::widen(&mut found.impulses_ns, impact.impulse_ns);
+                let (count, impulses) = pairs.entry((impact.a, impact.b)).or_default();
+                *count += 1;
+                Range::widen(impulses, impact.impulse_ns);
+            }
+            Event::Slide(slide) => {
+                *found.kinds.entry("moment of sliding").or_default() += 1;
+                Range::widen(&mut found.slides_mps, slide.speed_mps);
+                pairs.entry((slide.a, slide.b)).or_default().0 += 1;
+            }
+        }
     }
     found.pairs =
         pairs.into_iter().map(|((a, b), (events, impulses_ns))| Pair { a, b, events, impulses_ns }).collect();
@@ -72,6 +83,7 @@ impl Findings for EventFindings {
             .fact("events", if kinds.is_empty() { "none".to_owned() } else { kinds.join(", ") })
             .fact_if("times", self.times_s.as_ref().map(|r| format!("{} s", range(r))))
             .fact_if("impulses", self.impulses_ns.as_ref().map(|r| format!("{} N s", range(r))))
+            .fact_if("sliding", self.slides_mps.as_ref().map(|r| format!("{} m/s", range(r))))
             .fact("pairs", self.pairs.len());
         let rows = self.pairs.iter().map(|pair| {
             let impulses = pair.impulses_ns.as_ref().map(range).unwrap_or_default();

@@ -6,14 +6,14 @@ use std::path::Path;
 use froufrou::Result;
 use froufrou::scene::Scene;
 use froufrou::scene::contact_log::ContactLog;
-use froufrou::scene::file::{Emitter, Motion, Timing};
+use froufrou::scene::file::{Emitter, Motion, Played, Timing};
 use froufrou::scene::world::World;
 use froufrou::score::Repeat;
 use serde::Serialize;
 
 use super::Findings;
 use super::score::shape;
-use super::sheet::{Sheet, number};
+use super::sheet::{Sheet, number, position};
 
 #[derive(Serialize)]
 pub struct SceneFindings {
@@ -24,6 +24,8 @@ pub struct SceneFindings {
     motion_end_s: f64,
     speed_of_sound_mps: f64,
     microphones: Vec<MicrophoneFindings>,
+    wind_mps: Option<[f64; 3]>,
+    instruments: Vec<InstrumentFindings>,
     materials: Vec<MaterialFindings>,
     objects: Vec<ObjectFindings>,
     sounds: Vec<SoundFindings>,
@@ -39,9 +41,56 @@ struct MicrophoneFindings {
 }
 
 #[derive(Serialize)]
+struct InstrumentFindings {
+    name: String,
+    kind: &'static str,
+    file: Option<String>,
+}
+
+#[derive(Serialize)]
 struct MaterialFindings {
     name: String,
-    impact_recordings: Vec<String>,
+    impact: Option<PlayedFindings>,
+    slide: Option<PlayedFindings>,
+    air: Option<PlayedFindings>,
+}
+
+/// What something plays: recordings or an instrument.
+#[derive(Serialize, Default)]
+struct PlayedFindings {
+    recordings: Vec<String>,
+    instrument: Option<String>,
+    repeat: Option<&'static str>,
+}
+
+impl PlayedFindings {
+    fn of(played: &Played, scene: &Scene) -> Self {
+        match played {
+            Played::Recordings { recordings, repeat, .. } => Self {
+                recordings: recordings.iter().map(|recording| recording.name.clone()).collect(),
+                instrument: None,
+                repeat: Some(match repeat {
+                    Repeat::Once => "once",
+                    Repeat::Loop => "loop",
+                    Repeat::ExactLoop => "loop exact",
+                }),
+            },
+            Played::Instrument(index) => Self {
+                instrument: scene.instruments.get(*index).map(|instrument| instrument.name.clone()),
+                ..Self::default()
+            },
+        }
+    }
+
+    /// In a few words.
+    fn told(&self) -> String {
+        match (self.instrument.as_ref(), self.recordings.as_slice()) {
+            (Some(instrument), _) => instrument.clone(),
+            (None, []) => "–".to_owned(),
+            (None, [one]) => one.clone(),
+            (None, [first, rest @ ..]) => format!("{first} and {} more", rest.len()),
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -57,8 +106,10 @@ struct ObjectFindings {
 struct SoundFindings {
     /// The object, or nothing for a fixed place.
     object: Option<String>,
-    recordings: Vec<String>,
-    repeat: &'static str,
+    /// An ambience around a microphone, or around each.
+    ambience: bool,
+    #[serde(flatten)]
+    played: PlayedFindings,
     gain_db: f64,
     starts: usize,
     from_s: f64,
@@ -79,9 +130,6 @@ pub fn read(file: &Path, allow_outside: bool) -> Result<SceneFindings> {
         // Opening holds the header against the columns that the scene names.
         ContactLog::open(&contacts.log.path, &contacts.columns)?;
     }
-    let names = |recordings: &[froufrou::scene::asset::Asset]| -> Vec<String> {
-        recordings.iter().map(|recording| recording.name.clone()).collect()
-    };
     let objects = scene.objects.iter().zip(&world.objects).map(|(object, bodies)| ObjectFindings {
         name: object.name.clone(),
         carried_by: object.motion.as_ref().map(carrier),
@@ -91,19 +139,16 @@ pub fn read(file: &Path, allow_outside: bool) -> Result<SceneFindings> {
     let sounds = scene.sounds.iter().map(|sound| {
         let (starts, from_s, to_s) = match &sound.timing {
             Timing::Starts(keys) => (keys.len(), keys.first().map_or(0.0, |key| key.time_s), None),
+            Timing::Strikes(strikes) => (strikes.len(), strikes.first().map_or(0.0, |s| s.0), None),
             Timing::Span { from_s, to_s } => (1, *from_s, *to_s),
         };
         SoundFindings {
             object: match sound.emitter {
                 Emitter::Object(index) => scene.objects.get(index).map(|object| object.name.clone()),
-                Emitter::Position(_) => None,
+                Emitter::Position(_) | Emitter::Around(_) => None,
             },
-            recordings: names(&sound.recordings),
-            repeat: match sound.repeat {
-                Repeat::Once => "once",
-                Repeat::Loop => "loop",
-                Repeat::ExactLoop => "loop exact",
-            },
+            ambience: matches!(sound.emitter, Emitter::Around(_)),
+            played: PlayedFindings::of(&sound.played, &scene),
             gain_db: sound.gain_db,
             starts,
             from_s,
@@ -126,12 +171,24 @@ pub fn read(file: &Path, allow_outside: bool) -> Result<SceneFindings> {
                 carried_by: carrier(&microphone.motion),
             })
             .collect(),
+        wind_mps: scene.wind.map(|wind| wind.velocity_mps),
+        instruments: scene
+            .instruments
+            .iter()
+            .map(|instrument| InstrumentFindings {
+                name: instrument.name.clone(),
+                kind: instrument.make.kind(),
+                file: instrument.make.file().map(str::to_owned),
+            })
+            .collect(),
         materials: scene
             .materials
             .iter()
             .map(|material| MaterialFindings {
                 name: material.name.clone(),
-                impact_recordings: material.impact.as_ref().map(|i| names(&i.recordings)).unwrap_or_default(),
+                impact: material.impact.as_ref().map(|i| PlayedFindings::of(&i.played, &scene)),
+                slide: material.slide.as_ref().map(|s| PlayedFindings::of(&s.played, &scene)),
+                air: material.air.as_ref().map(|a| PlayedFindings::of(&a.played, &scene)),
             })
             .collect(),
         objects: objects.collect(),
@@ -166,11 +223,6 @@ impl Findings for SceneFindings {
             .fact("duration", duration.unwrap_or_else(|| "until everything has ended and arrived".to_owned()))
             .fact("motion", format!("until {} s", number(self.motion_end_s)))
             .fact("speed of sound", format!("{} m/s", number(self.speed_of_sound_mps)));
-        let files = |names: &[String]| match names {
-            [] => "–".to_owned(),
-            [one] => one.clone(),
-            [first, rest @ ..] => format!("{first} and {} more", rest.len()),
-        };
         sheet.table(
             &["microphone", "shape", "carried by"],
             self.microphones.iter().map(|m| vec![m.name.clone(), shape(m.c, m.k), m.carried_by.clone()]),
@@ -183,17 +235,33 @@ impl Findings for SceneFindings {
                 vec![object.name.clone(), bodies, or_dash(&object.material), or_dash(&object.carried_by)]
             }),
         );
+        if let Some(wind) = self.wind_mps {
+            sheet.fact("wind", format!("{} m/s", position(wind)));
+        }
         sheet.table(
-            &["material", "impact"],
-            self.materials.iter().map(|m| vec![m.name.clone(), files(&m.impact_recordings)]),
+            &["instrument", "kind", "file"],
+            self.instruments.iter().map(|i| vec![i.name.clone(), i.kind.to_owned(), or_dash(&i.file)]),
+        );
+        let told = |played: &Option<PlayedFindings>| {
+            played.as_ref().map_or_else(|| "–".to_owned(), PlayedFindings::told)
+        };
+        sheet.table(
+            &["material", "impact", "slide", "air"],
+            self.materials
+                .iter()
+                .map(|m| vec![m.name.clone(), told(&m.impact), told(&m.slide), told(&m.air)]),
         );
         sheet.table(
-            &["sound of", "recording", "plays", "gain (dB)", "starts", "from (s)", "to (s)"],
+            &["sound of", "plays", "repeats", "gain (dB)", "starts", "from (s)", "to (s)"],
             self.sounds.iter().map(|sound| {
                 vec![
-                    sound.object.clone().unwrap_or_else(|| "a fixed place".to_owned()),
-                    files(&sound.recordings),
-                    sound.repeat.to_owned(),
+                    match (&sound.object, sound.ambience) {
+                        (Some(object), _) => object.clone(),
+                        (None, true) => "around microphones".to_owned(),
+                        (None, false) => "a fixed place".to_owned(),
+                    },
+                    sound.played.told(),
+                    sound.played.repeat.unwrap_or("–").to_owned(),
                     number(sound.gain_db),
                     sound.starts.to_string(),
                     number(sound.from_s),

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-use froufrou::motion::event::{Event, Impact, Reader};
+use froufrou::motion::event::{Event, Reader};
 use froufrou::{Error, Result};
 
 use super::Span;
@@ -78,12 +78,15 @@ pub fn draw(file: &Path, title: &str, asked: Span, size: PictureSize) -> Result<
         if !asked.holds(impact.time_s) {
             return;
         }
-        let pair = (impact.a, impact.b);
-        let colour = colours.get(&pair).copied().unwrap_or(GREY);
+        let colour = colours.get(&impact.pair).copied().unwrap_or(GREY);
         let x = area.left + time.place(impact.time_s) * area.width();
         let height =
             if impact.impulse_ns > 0.0 { impulse.place(impact.impulse_ns).clamp(0.0, 1.0) } else { 0.0 };
         let y = area.bottom - height * area.height();
+        if impact.slides {
+            sheet.canvas.disc([x, y], (2.0 * sheet.unit_px).max(1.2), colour, 0.5);
+            return;
+        }
         if stems {
             sheet.canvas.line([x, y], [x, area.bottom], 1.5 * sheet.unit_px, colour, 0.35);
         }
@@ -106,11 +109,33 @@ pub fn draw(file: &Path, title: &str, asked: Span, size: PictureSize) -> Result<
     Ok(sheet.canvas)
 }
 
-fn read(file: &Path, mut each: impl FnMut(Impact)) -> Result<()> {
+/// An event as it is drawn.
+struct Mark {
+    time_s: f64,
+    pair: (String, String),
+    impulse_ns: f64,
+    /// It is a moment of sliding, of which there are many.
+    slides: bool,
+}
+
+fn read(file: &Path, mut each: impl FnMut(Mark)) -> Result<()> {
     let open = File::open(file).map_err(|fault| Error::io("open", file, fault))?;
     for event in Reader::new(BufReader::new(open), file) {
-        let Event::Impact(impact) = event?;
-        each(impact);
+        each(match event? {
+            Event::Impact(impact) => Mark {
+                time_s: impact.time_s,
+                pair: (impact.a, impact.b),
+                impulse_ns: impact.impulse_ns,
+                slides: false,
+            },
+            // A moment of sliding has the impulse of its force.
+            Event::Slide(slide) => Mark {
+                time_s: slide.time_s,
+                pair: (slide.a, slide.b),
+                impulse_ns: slide.force_n * slide.lasts_s,
+                slides: true,
+            },
+        });
     }
     Ok(())
 }
@@ -128,7 +153,7 @@ fn survey(file: &Path, asked: Span) -> Result<Survey> {
             return;
         }
         survey.shown += 1;
-        *survey.pairs.entry((impact.a, impact.b)).or_default() += 1;
+        *survey.pairs.entry(impact.pair).or_default() += 1;
         if impact.impulse_ns > 0.0 {
             widen(&mut survey.impulses_ns, impact.impulse_ns);
         } else {

@@ -16,6 +16,31 @@ pub const LONGEST_LINE_BYTES: usize = 1 << 20;
 pub enum Event {
     /// Two bodies hit each other.
     Impact(Impact),
+    /// Two bodies slide along each other for a moment.
+    Slide(Slide),
+}
+
+/// Two bodies slide along each other for a moment. What goes on for longer is one such event after
+/// the other.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Slide {
+    /// The middle of the moment, in seconds.
+    pub time_s: f64,
+    /// How long it is, in seconds.
+    pub lasts_s: f64,
+    /// One body; its name is not after that of `b`.
+    pub a: String,
+    /// The other.
+    pub b: String,
+    /// Where they touch, in metres.
+    pub position_m: [f64; 3],
+    /// How fast they slide along each other, in metres a second.
+    pub speed_mps: f64,
+    /// How hard they press against each other, in newtons.
+    pub force_n: f64,
+    /// What it was told by.
+    pub cause: Cause,
 }
 
 /// Two bodies hit each other.
@@ -60,6 +85,7 @@ impl Event {
     pub fn time_s(&self) -> f64 {
         match self {
             Event::Impact(impact) => impact.time_s,
+            Event::Slide(slide) => slide.time_s,
         }
     }
 }
@@ -69,9 +95,16 @@ impl Event {
 /// # Errors
 /// What the writer refuses. A number that is not finite has no place in JSON and is refused too.
 pub fn write(to: &mut impl Write, event: &Event) -> std::io::Result<()> {
-    let Event::Impact(impact) = event;
-    let numbers = [impact.time_s, impact.impulse_ns].into_iter().chain(impact.position_m);
-    let numbers = numbers.chain(impact.speed_mps).chain(impact.normal.into_iter().flatten());
+    let numbers: Vec<f64> = match event {
+        Event::Impact(impact) => {
+            let numbers = [impact.time_s, impact.impulse_ns].into_iter().chain(impact.position_m);
+            numbers.chain(impact.speed_mps).chain(impact.normal.into_iter().flatten()).collect()
+        }
+        Event::Slide(slide) => [slide.time_s, slide.lasts_s, slide.speed_mps, slide.force_n]
+            .into_iter()
+            .chain(slide.position_m)
+            .collect(),
+    };
     if !numbers.into_iter().all(f64::is_finite) {
         return Err(std::io::Error::other(format!("an event with a number that is not finite: {event:?}")));
     }

@@ -33,10 +33,8 @@
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashMap};
 
-use super::event::{Cause, Event, Impact};
-use crate::scene::contact_log::{ContactLog, ContactRow, Push, step_of_times};
-use crate::scene::file::Contacts;
-use crate::{Error, Place, Result};
+use crate::scene::contact_log::{ContactRow, Push};
+use crate::{Error, Result};
 
 /// The length of a simulation's time step, by which forces become impulses.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -260,7 +258,7 @@ impl Pair {
 /// let mut analyser = Analyser::new(Settings::new(Step::Fixed(0.001)));
 /// analyser.feed(&ContactRow {
 ///     time_s: 0.5, a: 0, b: 1, position_m: [0.0; 3], push: Push::Force(300.0),
-///     normal: None, normal_velocity_mps: None, line: 2,
+///     normal: None, normal_velocity_mps: None, sliding_mps: None, line: 2,
 /// })?;
 /// analyser.finish();
 /// let blow = analyser.next_blow().unwrap();
@@ -347,6 +345,16 @@ impl Analyser {
             self.step(now_s);
         }
         self.settle(f64::INFINITY);
+    }
+
+    /// What counts as an impact here.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// No blow is still to come that is as early as this.
+    pub(super) fn settled_s(&self) -> f64 {
+        self.settled_s
     }
 
     /// The next blow in order of time, once nothing can come before it any more.
@@ -558,115 +566,6 @@ impl Window {
         let rising = self.least_n.is_none();
         let goes_on = self.steps < if rising { 6 } else { 3 } || (self.changes && age_s < settings.longest_s);
         age_s < settings.window_s || (unbroken && goes_on)
-    }
-}
-
-/// How many rows at the beginning of a log tell its step.
-const ROWS_FOR_STEP: usize = 100_000;
-/// The slowest simulation that is believed without being told: a tenth of a second a step.
-const LONGEST_STEP_S: f64 = 0.1;
-
-/// The impacts of a contact log, in order of time. It ends after its first error.
-#[derive(Debug)]
-pub struct LogImpacts {
-    log: ContactLog,
-    name: String,
-    analyser: Analyser,
-    over: bool,
-}
-
-impl LogImpacts {
-    /// Opens a log. Where the scene does not say the length of the simulation's step, the beginning
-    /// of the log is read twice to find it.
-    ///
-    /// # Errors
-    /// A log that cannot be read, or whose step cannot be told.
-    pub fn open(contacts: &Contacts) -> Result<Self> {
-        let step = match contacts.step_s {
-            Some(step_s) => Step::Fixed(step_s),
-            None => Step::Stamped(find_step(contacts)?),
-        };
-        Ok(Self {
-            log: ContactLog::open(&contacts.log.path, &contacts.columns)?,
-            name: contacts.log.name.clone(),
-            analyser: Analyser::new(Settings::new(step)),
-            over: false,
-        })
-    }
-
-    /// What counts as an impact here.
-    pub fn settings(&self) -> &Settings {
-        &self.analyser.settings
-    }
-
-    fn event(&self, blow: Blow) -> Event {
-        let name = |body: u32| self.log.bodies().get(body as usize).map_or("", |name| name);
-        let [a, b] = blow.bodies.map(name);
-        // By name, not by number: numbers depend on who is met first.
-        let (a, b, sign) = if a <= b { (a, b, 1.0) } else { (b, a, -1.0) };
-        Event::Impact(Impact {
-            time_s: blow.time_s,
-            a: a.to_owned(),
-            b: b.to_owned(),
-            position_m: blow.position_m,
-            impulse_ns: blow.impulse_ns,
-            normal: blow.normal.map(|n| n.map(|c| c * sign)),
-            speed_mps: blow.speed_mps,
-            cause: Cause { log: self.name.clone(), first_line: blow.lines[0], last_line: blow.lines[1] },
-        })
-    }
-}
-
-impl Iterator for LogImpacts {
-    type Item = Result<Event>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        loop {
-            if let Some(blow) = self.analyser.next_blow() {
-                return Some(Ok(self.event(blow)));
-            }
-            if self.over {
-                return None;
-            }
-            let fed = match self.log.next() {
-                Some(row) => row.and_then(|row| self.analyser.feed(&row)),
-                None => {
-                    self.over = true;
-                    self.analyser.finish();
-                    Ok(())
-                }
-            };
-            if let Err(fault) = fed {
-                self.over = true;
-                return Some(Err(fault));
-            }
-        }
-    }
-}
-
-/// The length of a log's step in seconds, from its beginning.
-fn find_step(contacts: &Contacts) -> Result<f64> {
-    let mut rows = 0;
-    let mut times = Vec::new();
-    for row in ContactLog::open(&contacts.log.path, &contacts.columns)?.take(ROWS_FOR_STEP) {
-        let row = row?;
-        rows += 1;
-        if times.last() != Some(&row.time_s) {
-            times.push(row.time_s);
-        }
-    }
-    let fail = |what: String| {
-        Err(Error::new(what)
-            .in_file(contacts.log.path.clone())
-            .at(Place::Part("time stamps".to_owned()))
-            .help("say the length of the simulation's step with `step` in the scene's `[[contacts]]`"))
-    };
-    match step_of_times(times) {
-        Some(step_s) if step_s <= LONGEST_STEP_S => Ok(step_s),
-        Some(step_s) => fail(format!("no two are closer than {step_s} s: cannot tell the step from them")),
-        // Without rows there is nothing to be wrong about.
-        None if rows == 0 => Ok(LONGEST_STEP_S),
-        None => fail("they are all the same: cannot tell the step from them".to_owned()),
     }
 }
 

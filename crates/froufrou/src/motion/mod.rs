@@ -1,6 +1,8 @@
 //! What happens: frames in, events out.
 
+pub mod contacts;
 pub mod event;
 pub mod impact;
+pub mod slide;
 
 pub use event::Event;

@@ -14,13 +14,13 @@ use crate::scene::Scene;
 use crate::scene::contact_log::ContactLog;
 use crate::scene::file::Timing;
 use crate::scene::world::World;
-use crate::score::compose::{self, Composer, Events};
+use crate::score::compose::{self, Composer, Events, SoundFacts};
 use crate::score::ending::Ending;
 use crate::score::{
     AnyReader, AnySpace, ChannelHeader, ChannelLine, ChannelSpace, ObjectHeader, ObjectLine, ObjectSpace,
-    Repeat,
 };
 use crate::space::propagation::{Propagation, channel_header};
+use crate::synth::mixer::Sounding;
 use crate::synth::prototypes::{self, Soundings};
 use crate::{Error, Result};
 
@@ -71,7 +71,7 @@ impl Production {
             &self.scene,
             &self.world,
             &self.header,
-            lengths_s(&self.prototypes),
+            facts(&self.prototypes),
             self.end_s,
             self.events()?,
         )
@@ -103,7 +103,8 @@ fn end_s(scene: &Scene, world: &World) -> Result<f64> {
         match &sound.timing {
             Timing::Starts(keys) => keys.iter().for_each(|key| end_s = end_s.max(key.time_s)),
             Timing::Span { to_s: Some(to_s), .. } => end_s = end_s.max(*to_s),
-            Timing::Span { to_s: None, .. } => endless |= sound.repeat != Repeat::Once,
+            Timing::Strikes(strikes) => strikes.iter().for_each(|&(time_s, _)| end_s = end_s.max(time_s)),
+            Timing::Span { to_s: None, .. } => endless |= sound.played.is_endless(),
         }
     }
     if endless {
@@ -115,6 +116,23 @@ fn end_s(scene: &Scene, world: &World) -> Result<f64> {
         }
     }
     Ok(end_s)
+}
+
+/// What a composer has to know of each sound.
+fn facts(soundings: &Soundings) -> impl Iterator<Item = (String, SoundFacts)> + '_ {
+    soundings.iter().map(|(name, sounding)| {
+        let (period_s, ring_s, controls) = match sounding {
+            Sounding::Recording(prototype) => {
+                let period_s = prototype.samples.len() as f64 / prototype.rate_hz;
+                (prototype.looped.then_some(period_s), None, Vec::new())
+            }
+            Sounding::Instrument(instrument) => {
+                let controls = instrument.controls().iter().map(|control| control.name.clone());
+                (None, instrument.ring_s(), controls.collect())
+            }
+        };
+        (name.clone(), SoundFacts { length_s: sounding.duration_s(), period_s, ring_s, controls })
+    })
 }
 
 /// How long each sound lasts at speed 1, in seconds.

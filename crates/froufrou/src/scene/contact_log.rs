@@ -61,6 +61,9 @@ pub struct ContactColumns {
     pub normal: Option<[String; 3]>,
     /// The relative velocity along the normal, in units a second.
     pub normal_velocity: Option<String>,
+    /// The parts of the velocity at which the bodies slide along each other, in directions at right
+    /// angles, in units a second: one, two or three; none where the log does not tell.
+    pub sliding_velocity: Vec<String>,
     /// The axis that points up.
     pub up: UpAxis,
     /// Metres in the log's unit of length.
@@ -86,6 +89,8 @@ pub struct ContactRow {
     pub normal: Option<[f64; 3]>,
     /// The relative velocity along the normal in metres a second, where the log has it.
     pub normal_velocity_mps: Option<f64>,
+    /// How fast the bodies slide along each other in metres a second, where the log has it.
+    pub sliding_mps: Option<f64>,
     /// The line of the log, from 1.
     pub line: u64,
 }
@@ -99,7 +104,7 @@ pub struct ContactRow {
 ///     time: "t".into(), a: "one".into(), b: "two".into(),
 ///     position: ["x".into(), "y".into(), "z".into()],
 ///     push: Push::Force("Fn".into()), normal: None, normal_velocity: None,
-///     up: UpAxis::Z, unit_m: 1.0, time_offset_s: 0.0,
+///     sliding_velocity: vec![], up: UpAxis::Z, unit_m: 1.0, time_offset_s: 0.0,
 /// };
 /// let mut log = ContactLog::new(text.as_bytes(), "contacts.csv", &columns)?;
 /// let row = log.next().unwrap()?;
@@ -139,6 +144,7 @@ struct Indices {
     push: Push<usize>,
     normal: Option<[usize; 3]>,
     normal_velocity: Option<usize>,
+    sliding_velocity: Vec<usize>,
 }
 
 /// Stops a record that never ends, such as after a quote that is never closed.
@@ -251,6 +257,11 @@ impl ContactLog {
         };
         let normal = self.columns.normal.map(|columns| self.numbers(columns)).transpose()?;
         let velocity = self.columns.normal_velocity.map(|column| self.number(column)).transpose()?;
+        let mut square = None;
+        for index in 0..self.columns.sliding_velocity.len() {
+            let part = self.number(self.columns.sliding_velocity[index])?;
+            square = Some(square.unwrap_or(0.0) + part * part);
+        }
         let [a, b] = self.columns.bodies;
         Ok(ContactRow {
             time_s,
@@ -260,6 +271,7 @@ impl ContactLog {
             push,
             normal: normal.map(|n| self.upright(n)),
             normal_velocity_mps: velocity.map(|v| v * self.unit_m),
+            sliding_mps: square.map(|square| square.sqrt() * self.unit_m),
             line,
         })
     }
@@ -361,6 +373,7 @@ impl Indices {
             },
             normal: columns.normal.as_ref().map(three).transpose()?,
             normal_velocity: columns.normal_velocity.as_ref().map(one).transpose()?,
+            sliding_velocity: columns.sliding_velocity.iter().map(one).collect::<Result<_>>()?,
         })
     }
 }
@@ -429,6 +442,7 @@ mod tests {
             push: Push::Force("Fn".into()),
             normal: None,
             normal_velocity: None,
+            sliding_velocity: Vec::new(),
             up: UpAxis::Y,
             unit_m: 1.0,
             time_offset_s: 0.0,
@@ -467,6 +481,7 @@ mod tests {
             push: Push::Impulse(0.25),
             normal: Some([0.0, 1.0, -0.0]),
             normal_velocity_mps: Some(-0.5),
+            sliding_mps: None,
             line: 2,
         };
         assert_eq!(rows, [expected]);

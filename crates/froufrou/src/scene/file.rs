@@ -6,7 +6,7 @@
 
 use std::path::PathBuf;
 
-use crate::score::{MicrophoneShape, Repeat};
+use crate::score::{Blow, Make, MicrophoneShape, Repeat};
 use crate::{Error, Result};
 
 use super::asset::{Asset, NamePattern};
@@ -38,6 +38,10 @@ pub struct Scene {
     pub listener: Option<Listener>,
     /// Its microphones, or those of the scene: one output channel each, in order; at least one.
     pub microphones: Vec<Microphone>,
+    /// The wind that blows through all of it.
+    pub wind: Option<Wind>,
+    /// The sounds that are synthesised.
+    pub instruments: Vec<Instrument>,
     /// What things are made of.
     pub materials: Vec<Material>,
     /// The things in the world.
@@ -91,13 +95,66 @@ pub struct Material {
     pub name: String,
     /// What it sounds like when hit.
     pub impact: Option<ImpactSound>,
+    /// What it sounds like when something slides along it.
+    pub slide: Option<SlideSound>,
+    /// What it sounds like when it moves through the air.
+    pub air: Option<AirSound>,
+}
+
+/// A sound that is synthesised.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Instrument {
+    /// The name that sounds use.
+    pub name: String,
+    /// What makes it; its file is named as the scene names it.
+    pub make: Make,
+    /// Numbers that it is made with.
+    pub with: Vec<(String, f64)>,
+}
+
+/// What a sound plays.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Played {
+    /// Recordings.
+    Recordings {
+        /// One of these is picked at random for every start, never the same twice running; not empty.
+        recordings: Vec<Asset>,
+        /// How it repeats.
+        repeat: Repeat,
+        /// The channel of the recording that is played, from 0; all of them averaged where `None`.
+        channel: Option<usize>,
+    },
+    /// A synthesised sound: an index into [`Scene::instruments`].
+    Instrument(usize),
+}
+
+impl Played {
+    /// True where it sounds until it is ended.
+    pub fn is_endless(&self) -> bool {
+        !matches!(self, Played::Recordings { repeat: Repeat::Once, .. })
+    }
+}
+
+/// A wind.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wind {
+    /// Its mean velocity in metres a second.
+    pub velocity_mps: [f64; 3],
+    /// How much its speed varies, as a fraction of the mean: the standard deviation of its gusts.
+    pub gusts: f64,
+    /// Seconds from gust to gust.
+    pub gust_period_s: f64,
 }
 
 /// What a material sounds like when hit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImpactSound {
-    /// One of these is picked at random for every impact, never the same twice running; not empty.
-    pub recordings: Vec<Asset>,
+    /// What sounds at every impact.
+    pub played: Played,
+    /// Of a synthesised sound: where it is struck, at random between these two.
+    pub place: [f64; 2],
+    /// Of a synthesised sound: how long the striker touches, in seconds.
+    pub contact_s: f64,
     /// Gain of an impact of the reference impulse, in decibels.
     pub gain_db: f64,
     /// The impulse that plays at `gain_db`, in newton seconds; pressure is proportional to impulse.
@@ -112,6 +169,32 @@ pub struct ImpactSound {
     pub reference_distance_m: f64,
 }
 
+/// What a material sounds like when something slides along it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SlideSound {
+    /// What sounds, while it is told the sliding speed by its control `speed`.
+    pub played: Played,
+    /// Gain at the reference force, in decibels.
+    pub gain_db: f64,
+    /// The normal force that sounds at `gain_db`, in newtons; pressure is proportional to force.
+    pub reference_force_n: f64,
+    /// The sliding speed below which nothing sounds, in metres a second.
+    pub floor_speed_mps: f64,
+    /// The distance at which it is heard at its own gain, in metres.
+    pub reference_distance_m: f64,
+}
+
+/// What a material sounds like when it moves through the air.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AirSound {
+    /// What sounds, while it is told the speed through the air by its control `speed`.
+    pub played: Played,
+    /// Gain in decibels.
+    pub gain_db: f64,
+    /// The distance at which it is heard at its own gain, in metres.
+    pub reference_distance_m: f64,
+}
+
 /// A thing in the world.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Object {
@@ -119,12 +202,27 @@ pub struct Object {
     pub name: String,
     /// What carries it; `None` for what is known from contact logs alone.
     pub motion: Option<Motion>,
+    /// Where it is a swarm about what carries it: each of its members is a body.
+    pub swarm: Option<Swarm>,
     /// The point that sounds come from.
     pub point: Point,
     /// Index into [`Scene::materials`].
     pub material: Option<usize>,
     /// Which bodies of the contact logs it is.
     pub body: NamePattern,
+}
+
+/// Many small things that fly about a place.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Swarm {
+    /// How many.
+    pub count: usize,
+    /// How far they stray from the middle, in metres: the standard deviation along each axis.
+    pub radius_m: f64,
+    /// How fast they fly about it, in metres a second, on average.
+    pub speed_mps: f64,
+    /// A script that says where each of them is about the middle, instead.
+    pub script: Option<Asset>,
 }
 
 /// The point of an object that its sounds come from.
@@ -141,12 +239,12 @@ pub enum Point {
 pub struct SceneSound {
     /// Where it comes from.
     pub emitter: Emitter,
-    /// One of these is picked at random for every start, never the same twice running; not empty.
-    pub recordings: Vec<Asset>,
-    /// How it repeats.
-    pub repeat: Repeat,
-    /// The channel of the recording that is played, from 0; all of them averaged where `None`.
-    pub channel: Option<usize>,
+    /// What it plays.
+    pub played: Played,
+    /// What a synthesised sound is told, in order of time.
+    pub set: Vec<SetKey>,
+    /// How it radiates into different directions, as spherical harmonics; evenly where `None`.
+    pub pattern: Option<Vec<f64>>,
     /// Gain in decibels.
     pub gain_db: f64,
     /// Playback speed: 2 is an octave up in half the time.
@@ -170,6 +268,8 @@ pub enum Emitter {
     Object(usize),
     /// A fixed world position in metres.
     Position([f64; 3]),
+    /// An ambience all around a microphone, by its index, or around every one for itself.
+    Around(Option<usize>),
 }
 
 /// When a sound sounds.
@@ -177,6 +277,8 @@ pub enum Emitter {
 pub enum Timing {
     /// It plays once from every key, in ascending order of time; not empty, never of a loop.
     Starts(Vec<StartKey>),
+    /// A synthesised sound is struck at times, in ascending order; not empty.
+    Strikes(Vec<(f64, Blow)>),
     /// It sounds from one time to another, or to the end of the recording or scene where `None`.
     Span {
         /// The start in seconds.
@@ -195,6 +297,15 @@ pub struct StartKey {
     pub gain_db: f64,
     /// Factor on top of the sound's own speed.
     pub speed: f64,
+}
+
+/// What a synthesised sound is told at a time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SetKey {
+    /// When, in seconds.
+    pub time_s: f64,
+    /// The values of its controls, by name.
+    pub values: Vec<(String, f64)>,
 }
 
 /// A contact log and how to read it.

@@ -10,6 +10,8 @@ mod positioned_file;
 mod read;
 mod toml;
 pub mod track;
+mod wander;
+pub mod wind;
 pub mod world;
 
 pub use file::Scene;

@@ -1,20 +1,19 @@
 //! From the text of a scene file to a checked [`Scene`].
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::path::Path;
 
-use crate::score::{MicrophoneShape, Repeat};
+use crate::score::MicrophoneShape;
 use crate::{Error, Place, Result};
 
-use super::asset::{Asset, Folder, NamePattern};
+use super::asset::{Folder, NamePattern};
 use super::contact_log::{ContactColumns, Push, UpAxis};
-use super::file::{
-    Contacts, Emitter, ImpactSound, Material, Microphone, Motion, Object, Point, Scene, SceneSound, Source,
-    StartKey, Timing,
-};
+use super::file::{Contacts, Emitter, Microphone, Motion, Object, Point, Scene, Source, Swarm, Wind};
 use super::listener::{CARDIOID, Layout, Listener, OMNI};
 use super::toml::{Document, Node, Table, nearest};
 use super::track::{Interpolation, Track, TrackKey};
+
+mod sounds;
 
 /// The keys of one kind of table.
 type Keys = &'static [&'static str];
@@ -28,9 +27,12 @@ const SCENE: Keys = &[
     "frame_rate",
     "listener",
     "microphone",
+    "wind",
+    "instrument",
     "material",
     "object",
     "sound",
+    "ambient",
     "contacts",
 ];
 const LISTENER: Keys =
@@ -39,16 +41,6 @@ const MICROPHONE: Keys =
     &["name", "shape", "position", "facing", "track", "interpolation", "time_offset", "offset"];
 const SHAPE: Keys = &["c", "k"];
 const LISTENER_KEY: Keys = &["t", "position", "facing"];
-const MATERIAL: Keys = &["impact"];
-const IMPACT: Keys = &[
-    "recordings",
-    "gain_db",
-    "reference_impulse",
-    "floor_impulse",
-    "retrigger",
-    "speed_variation",
-    "reference_distance",
-];
 const OBJECT: Keys = &[
     "name",
     "source",
@@ -56,6 +48,7 @@ const OBJECT: Keys = &[
     "track",
     "interpolation",
     "time_offset",
+    "swarm",
     "offset",
     "point",
     "material",
@@ -64,44 +57,20 @@ const OBJECT: Keys = &[
 ];
 const OBJECT_KEY: Keys = &["t", "position"];
 const POINT: Keys = &["vertex"];
-/// What a sound may have wherever it stands.
-const OBJECT_SOUND: Keys = &[
-    "recording",
-    "recordings",
-    "loop",
-    "channel",
-    "gain_db",
-    "speed",
-    "speed_variation",
-    "at",
-    "from",
-    "to",
-    "fade_in",
-    "fade_out",
-    "reference_distance",
-];
-/// What a sound that stands by itself may have.
-const SOUND: Keys = &[
-    "object",
-    "position",
-    "recording",
-    "recordings",
-    "loop",
-    "channel",
-    "gain_db",
-    "speed",
-    "speed_variation",
-    "at",
-    "from",
-    "to",
-    "fade_in",
-    "fade_out",
-    "reference_distance",
-];
-const START: Keys = &["t", "gain_db", "speed"];
+const SWARM: Keys = &["count", "radius", "speed", "script"];
+const WIND: Keys = &["velocity", "gusts", "gust_period"];
 const CONTACTS: Keys = &["log", "columns", "step", "up", "unit", "time_offset"];
-const COLUMNS: Keys =
-    &["t", "a", "b", "position", "normal", "normal_force", "normal_impulse", "normal_velocity"];
+const COLUMNS: Keys = &[
+    "t",
+    "a",
+    "b",
+    "position",
+    "normal",
+    "normal_force",
+    "normal_impulse",
+    "normal_velocity",
+    "sliding_velocity",
+];
 
 /// Every kind of table with the keys it may have, under the headings of `docs/scene.md`.
 #[cfg(test)]
@@ -111,22 +80,30 @@ pub(crate) const ALL_KEYS: &[(&str, Keys)] = &[
     ("`[[microphone]]`", MICROPHONE),
     ("`shape` of a microphone", SHAPE),
     ("A key of a listener's or microphone's `track`", LISTENER_KEY),
-    ("`[material.NAME]`", MATERIAL),
-    ("`impact` of a material", IMPACT),
+    ("`[wind]`", WIND),
+    ("`[instrument.NAME]`", sounds::INSTRUMENT),
+    ("A mode of `modes`", sounds::MODE),
+    ("`[material.NAME]`", sounds::MATERIAL),
+    ("`impact` of a material", sounds::IMPACT),
+    ("`slide` of a material", sounds::SLIDE),
+    ("`air` of a material", sounds::AIR),
     ("`[[object]]`", OBJECT),
     ("A key of an object's `track`", OBJECT_KEY),
     ("`point` of an object", POINT),
-    ("`sound` of an object", OBJECT_SOUND),
-    ("`[[sound]]`", SOUND),
-    ("A key of `at`", START),
+    ("`swarm` of an object", SWARM),
+    ("`sound` of an object", sounds::OBJECT_SOUND),
+    ("`[[sound]]`", sounds::SOUND),
+    ("`[[ambient]]`", sounds::AMBIENT),
+    ("A key of `at`", sounds::START),
+    ("A key of `at` of an instrument", sounds::STRIKE),
     ("`[[contacts]]`", CONTACTS),
     ("`columns` of a contact log", COLUMNS),
 ];
 
 /// The most output channels of a scene.
 const MOST_MICROPHONES: usize = 1024;
-/// The most files or patterns in one list of recordings.
-const MOST_RECORDINGS: usize = 10_000;
+/// The most members of a swarm.
+const MOST_IN_SWARM: u64 = 10_000;
 const RATE_HZ: (u64, u64) = (8_000, 192_000);
 const INTERPOLATIONS: &[(&str, Interpolation)] =
     &[("smooth", Interpolation::Smooth), ("linear", Interpolation::Linear), ("step", Interpolation::Step)];
@@ -212,6 +189,8 @@ fn scene(text: &str, file: &Path, folder_path: &Path, folder: &Folder) -> Result
             None => microphones(&top, folder)?,
         },
         listener,
+        wind: top.get("wind").map(|node| wind(&node)).transpose()?,
+        instruments: sounds::instruments(&top, folder)?,
         materials: Vec::new(),
         objects: Vec::new(),
         sounds: Vec::new(),
@@ -219,7 +198,7 @@ fn scene(text: &str, file: &Path, folder_path: &Path, folder: &Folder) -> Result
     };
     if let Some(node) = top.get("material") {
         for (name, node) in node.named()?.entries() {
-            scene.materials.push(material(name, &node, folder)?);
+            scene.materials.push(sounds::material(name, &node, &scene.instruments, folder)?);
         }
     }
     let material_names = scene.materials.iter().enumerate().map(|(i, m)| (m.name.as_str(), i)).collect();
@@ -238,13 +217,21 @@ fn scene(text: &str, file: &Path, folder_path: &Path, folder: &Folder) -> Result
             if !moves {
                 return Err(node.error("the object has no place: it needs `source`, `position` or `track`"));
             }
-            scene.sounds.push(sound(&node.table(OBJECT_SOUND)?, Emitter::Object(index), folder)?);
+            let table = node.table(sounds::OBJECT_SOUND)?;
+            scene.sounds.push(sounds::sound(&table, Emitter::Object(index), &scene.instruments, folder)?);
         }
+        scene.sounds.extend(sounds::air(&scene, index));
     }
     for node in list(&top, "sound")? {
-        let table = node.table(SOUND)?;
+        let table = node.table(sounds::SOUND)?;
         let emitter = emitter(&table, &scene.objects, &names)?;
-        scene.sounds.push(sound(&table, emitter, folder)?);
+        scene.sounds.push(sounds::sound(&table, emitter, &scene.instruments, folder)?);
+    }
+    for node in list(&top, "ambient")? {
+        let table = node.table(sounds::AMBIENT)?;
+        let around = microphone(&table, &scene.microphones)?;
+        let emitter = Emitter::Around(around);
+        scene.sounds.push(sounds::sound(&table, emitter, &scene.instruments, folder)?);
     }
     for node in list(&top, "contacts")? {
         scene.contacts.push(contacts(&node.table(CONTACTS)?, folder)?);
@@ -370,6 +357,46 @@ fn carrier(table: &Table<'_, '_>, folder: &Folder) -> Result<(Motion, [f64; 3])>
     }
 }
 
+/// The microphone that an ambience is around, if it is around one alone.
+fn microphone(table: &Table<'_, '_>, microphones: &[Microphone]) -> Result<Option<usize>> {
+    let Some(node) = table.get("microphone") else { return Ok(None) };
+    let name = node.text("the name of a microphone")?;
+    let index = microphones.iter().position(|microphone| microphone.name == name);
+    index.map(Some).ok_or_else(|| {
+        let names: Vec<&str> = microphones.iter().map(|microphone| microphone.name.as_str()).collect();
+        unknown(&node, "microphone", &name, &names)
+    })
+}
+
+fn wind(node: &Node<'_, '_>) -> Result<Wind> {
+    let table = node.table(WIND)?;
+    Ok(Wind {
+        velocity_mps: table
+            .required("velocity", "metres a second as [x, y, z]")?
+            .vector("metres a second")?,
+        gusts: table.get("gusts").map_or(Ok(0.3), |node| node.within("a fraction", 0.0, 2.0))?,
+        gust_period_s: table
+            .get("gust_period")
+            .map_or(Ok(4.0), |node| node.within("a number of seconds", 0.01, 1e6))?,
+    })
+}
+
+fn swarm(node: &Node<'_, '_>, folder: &Folder) -> Result<Swarm> {
+    let table = node.table(SWARM)?;
+    table.at_most_one(&["script", "radius"])?;
+    table.at_most_one(&["script", "speed"])?;
+    let script = table.get("script").map(|node| {
+        let name = node.text("the name of a script")?;
+        with_place(&node, folder.file(&name))
+    });
+    Ok(Swarm {
+        count: table.required("count", "how many there are")?.whole("how many", 1, MOST_IN_SWARM)? as usize,
+        radius_m: table.get("radius").map_or(Ok(1.0), |node| node.positive("a number of metres"))?,
+        speed_mps: table.get("speed").map_or(Ok(2.0), |node| node.within("metres a second", 0.0, 300.0))?,
+        script: script.transpose()?,
+    })
+}
+
 /// Refuses a key that means nothing here.
 fn needs(table: &Table<'_, '_>, key: &str, what: &str) -> Result<()> {
     table.get(key).map_or(Ok(()), |node| Err(node.error(format!("means nothing without {what}"))))
@@ -421,70 +448,6 @@ fn track(node: &Node<'_, '_>, table: &Table<'_, '_>, keys: Keys) -> Result<Track
         return Err(node.error("expected at least one key"));
     }
     Ok(track)
-}
-
-fn recordings(nodes: &[Node<'_, '_>], folder: &Folder) -> Result<Vec<Asset>> {
-    if let Some(node) = nodes.get(MOST_RECORDINGS) {
-        return Err(node.error(format!("more than {MOST_RECORDINGS} names in one list")));
-    }
-    let (mut found, mut seen) = (Vec::new(), HashSet::new());
-    for node in nodes {
-        let pattern = node.text("the name of a recording or a pattern such as \"hits/*.wav\"")?;
-        for asset in with_place(node, folder.files(&pattern))? {
-            // A file that two patterns match is one recording.
-            if seen.insert(asset.name.clone()) {
-                found.push(asset);
-            }
-        }
-    }
-    Ok(found)
-}
-
-fn required_recordings(node: &Node<'_, '_>, folder: &Folder) -> Result<Vec<Asset>> {
-    let found = recordings(&one_or_many(node)?, folder)?;
-    if found.is_empty() { Err(node.error("expected at least one recording")) } else { Ok(found) }
-}
-
-fn gain_db(table: &Table<'_, '_>) -> Result<f64> {
-    // 200 dB is a factor of 10¹⁰, where every mistake is heard before the sound.
-    table.get("gain_db").map_or(Ok(0.0), |node| node.within("decibels", -200.0, 200.0))
-}
-
-fn reference_distance(table: &Table<'_, '_>) -> Result<f64> {
-    table.get("reference_distance").map_or(Ok(1.0), |node| node.positive("a number of metres"))
-}
-
-fn speed(table: &Table<'_, '_>) -> Result<f64> {
-    table.get("speed").map_or(Ok(1.0), |node| node.within("a playback speed", 0.01, 100.0))
-}
-
-fn speed_variation(table: &Table<'_, '_>) -> Result<f64> {
-    table.get("speed_variation").map_or(Ok(0.0), |node| node.within("a fraction", 0.0, 0.9))
-}
-
-fn material(name: &str, node: &Node<'_, '_>, folder: &Folder) -> Result<Material> {
-    if name.is_empty() {
-        return Err(node.error("a material needs a name"));
-    }
-    let table = node.table(MATERIAL)?;
-    let impact = table.get("impact").map(|node| impact(&node.table(IMPACT)?, folder)).transpose()?;
-    Ok(Material { name: name.to_owned(), impact })
-}
-
-fn impact(table: &Table<'_, '_>, folder: &Folder) -> Result<ImpactSound> {
-    let newton_seconds = "a number of newton seconds";
-    let node = table.required("recordings", "a list of recordings")?;
-    Ok(ImpactSound {
-        recordings: required_recordings(&node, folder)?,
-        gain_db: gain_db(table)?,
-        reference_impulse_ns: table
-            .get("reference_impulse")
-            .map_or(Ok(1.0), |n| n.positive(newton_seconds))?,
-        floor_impulse_ns: table.get("floor_impulse").map_or(Ok(0.01), |n| n.not_negative(newton_seconds))?,
-        retrigger_s: table.get("retrigger").map_or(Ok(0.03), |n| n.not_negative("a number of seconds"))?,
-        speed_variation: speed_variation(table)?,
-        reference_distance_m: reference_distance(table)?,
-    })
 }
 
 /// "There is no material `wod`": with the nearest of those there are.
@@ -541,7 +504,11 @@ fn object(table: &Table<'_, '_>, materials: &HashMap<&str, usize>, folder: &Fold
         Some(node) => with_place(&node, NamePattern::new(&node.text("the name of a body")?))?,
         None => NamePattern::literal(&name),
     };
-    Ok(Object { name, motion, point, material, body })
+    let swarm = table.get("swarm").map(|node| swarm(&node, folder)).transpose()?;
+    if swarm.is_some() && motion.is_none() {
+        return Err(table.error("a swarm needs a middle: `source`, `position` or `track`"));
+    }
+    Ok(Object { name, motion, swarm, point, material, body })
 }
 
 fn emitter(table: &Table<'_, '_>, objects: &[Object], names: &HashMap<String, usize>) -> Result<Emitter> {
@@ -561,78 +528,6 @@ fn emitter(table: &Table<'_, '_>, objects: &[Object], names: &HashMap<String, us
         );
     }
     Ok(Emitter::Object(index))
-}
-
-fn sound(table: &Table<'_, '_>, emitter: Emitter, folder: &Folder) -> Result<SceneSound> {
-    let seconds = "a number of seconds";
-    table.at_most_one(&["recording", "recordings"])?;
-    let recordings = match (table.get("recording"), table.get("recordings")) {
-        (Some(node), _) => vec![with_place(&node, folder.file(&node.text("the name of a recording")?))?],
-        (_, Some(node)) => required_recordings(&node, folder)?,
-        _ => return Err(table.error("`recording` is missing: expected the name of a recording")),
-    };
-    let repeat = match table.get("loop") {
-        None => Repeat::Once,
-        Some(node) => match node.as_flag() {
-            Some(true) => Repeat::Loop,
-            Some(false) => Repeat::Once,
-            None if node.is_text() => {
-                node.choice(&["exact"])?;
-                Repeat::ExactLoop
-            }
-            None => return Err(node.expected("true, false or \"exact\"")),
-        },
-    };
-    Ok(SceneSound {
-        emitter,
-        recordings,
-        repeat,
-        channel: table.get("channel").map(|n| n.whole("a channel", 0, 1023)).transpose()?.map(|c| c as usize),
-        gain_db: gain_db(table)?,
-        speed: speed(table)?,
-        speed_variation: speed_variation(table)?,
-        timing: timing(table, repeat)?,
-        fade_in_s: table.get("fade_in").map_or(Ok(0.0), |n| n.not_negative(seconds))?,
-        fade_out_s: table.get("fade_out").map_or(Ok(0.0), |n| n.not_negative(seconds))?,
-        reference_distance_m: reference_distance(table)?,
-    })
-}
-
-fn timing(table: &Table<'_, '_>, repeat: Repeat) -> Result<Timing> {
-    let seconds = "a number of seconds";
-    table.at_most_one(&["at", "from"])?;
-    table.at_most_one(&["at", "to"])?;
-    let Some(node) = table.get("at") else {
-        let from_s = table.get("from").map_or(Ok(0.0), |n| n.not_negative(seconds))?;
-        let Some(to) = table.get("to") else { return Ok(Timing::Span { from_s, to_s: None }) };
-        let to_s = to.number(seconds)?;
-        if to_s <= from_s {
-            return Err(to.error(format!("expected a time after the start at {from_s}, found {to_s}")));
-        }
-        return Ok(Timing::Span { from_s, to_s: Some(to_s) });
-    };
-    if repeat != Repeat::Once {
-        return Err(node.error("a loop has no end: it takes `from` and `to`"));
-    }
-    let mut starts = Vec::new();
-    for node in node.list("a list of times or of keys { t = … }")? {
-        starts.push(if node.is_table() {
-            let key = node.table(START)?;
-            let time_s = key.required("t", seconds)?.not_negative(seconds)?;
-            StartKey { time_s, gain_db: gain_db(&key)?, speed: speed(&key)? }
-        } else {
-            StartKey {
-                time_s: node.not_negative("a number of seconds or a key { t = … }")?,
-                gain_db: 0.0,
-                speed: 1.0,
-            }
-        });
-    }
-    if starts.is_empty() {
-        return Err(node.error("expected at least one time"));
-    }
-    starts.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-    Ok(Timing::Starts(starts))
 }
 
 fn contacts(table: &Table<'_, '_>, folder: &Folder) -> Result<Contacts> {
@@ -666,6 +561,13 @@ fn contacts(table: &Table<'_, '_>, folder: &Folder) -> Result<Contacts> {
                 .get("normal_velocity")
                 .map(|node| node.text("the name of a column"))
                 .transpose()?,
+            sliding_velocity: columns.get("sliding_velocity").map_or(Ok(Vec::new()), |node| {
+                let list = one_or_many(&node)?;
+                if list.is_empty() || list.len() > 3 {
+                    return Err(node.expected("the names of one to three columns"));
+                }
+                list.iter().map(|node| node.text("the name of a column")).collect()
+            })?,
             up: [UpAxis::Y, UpAxis::Z][up],
             unit_m: table.get("unit").map_or(Ok(1.0), |node| node.within("a number of metres", 1e-9, 1e9))?,
             time_offset_s: time_offset(table)?,

@@ -6,8 +6,11 @@ use std::sync::{Arc, Mutex};
 
 use super::alembic::Alembic;
 use super::animation::{Animation, KeyTimes, Mesh, ObjectKind, Transform};
-use super::file::{Microphone, Motion, Point, Scene, Source};
+use super::file::{Microphone, Motion, Point, Scene, Source, Swarm};
 use super::track::{Interpolation, Track};
+use super::wander::Wander;
+use super::wind::WindField;
+use crate::random::Random;
 use crate::score::Pose;
 use crate::{Error, Place, Result};
 
@@ -34,8 +37,38 @@ pub struct Carrier {
 #[derive(Clone)]
 enum Way {
     Track(Arc<Track>),
-    Animated { animation: Arc<dyn Animation>, object: usize, mesh: Arc<Mutex<Mesh>> },
+    Animated {
+        animation: Arc<dyn Animation>,
+        object: usize,
+        mesh: Arc<Mutex<Mesh>>,
+    },
+    /// A member of a swarm, which strays about what carries the swarm.
+    Member {
+        middle: Arc<Carrier>,
+        stray: Stray,
+    },
 }
+
+/// How a member of a swarm is away from its middle, in metres.
+#[derive(Clone)]
+enum Stray {
+    /// It wanders, so far from the middle.
+    Wander(Arc<[Wander; 3]>, f64),
+}
+
+impl Stray {
+    fn at(&self, time_s: f64) -> Result<[f64; 3]> {
+        match self {
+            Stray::Wander(axes, radius_m) => Ok(std::array::from_fn(|axis| radius_m * axes[axis].at(time_s))),
+        }
+    }
+}
+
+/// The mean speed in space of what has a standard deviation of 1 along each axis: √(8/π).
+const MEAN_SPEED: f64 = 1.595_769_121_605_731;
+
+/// Keeps the random numbers of swarms apart from others of the same seed.
+const SWARMS: u64 = 0x5a72_0000_0000_0000;
 
 impl Carrier {
     /// Something that stands still.
@@ -68,7 +101,36 @@ impl Carrier {
         match &self.way {
             Way::Track(track) => Ok(track.frame(time_s + self.origin_s)),
             Way::Animated { animation, object, .. } => animation.transform(*object, time_s + self.origin_s),
+            Way::Member { middle, stray } => {
+                let mut frame = middle.frame(time_s)?;
+                let (at, away) = (middle.position_m(time_s)?, stray.at(time_s)?);
+                (0..3).for_each(|i| frame[i][3] = at[i] + away[i]);
+                Ok(frame)
+            }
         }
+    }
+
+    /// How fast it moves at a time of the soundtrack, in metres a second. Where it jumps, that is not
+    /// counted as motion.
+    ///
+    /// # Errors
+    /// As [`Carrier::position_m`].
+    pub fn velocity_mps(&self, time_s: f64) -> Result<[f64; 3]> {
+        let (before, here, after) = (
+            self.position_m(time_s - VELOCITY_STEP_S)?,
+            self.position_m(time_s)?,
+            self.position_m(time_s + VELOCITY_STEP_S)?,
+        );
+        let speed = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] {
+            std::array::from_fn(|i| (b[i] - a[i]) / VELOCITY_STEP_S)
+        };
+        let length = |v: [f64; 3]| v.iter().map(|c| c * c).sum::<f64>().sqrt();
+        let (come, go) = (speed(before, here), speed(here, after));
+        let (slow, fast) = if length(come) < length(go) { (come, go) } else { (go, come) };
+        if length(fast) > JUMP_MPS && length(fast) > JUMP_RATIO * length(slow) {
+            return Ok(slow);
+        }
+        Ok(std::array::from_fn(|i| 0.5 * (come[i] + go[i])))
     }
 
     /// Where its sounds come from at a time of the soundtrack, in metres.
@@ -93,6 +155,7 @@ impl Carrier {
             }
             (_, Point::Offset(offset)) => into_world(&self.frame(time_s)?, offset),
             (Way::Track(track), Point::Vertex(_)) => track.position_m(time_s + self.origin_s),
+            (Way::Member { .. }, Point::Vertex(_)) => into_world(&self.frame(time_s)?, [0.0; 3]),
         };
         if position.iter().all(|c| c.is_finite()) {
             Ok(position)
@@ -104,6 +167,7 @@ impl Carrier {
     fn fault(&self, what: String) -> Error {
         match &self.way {
             Way::Track(_) => Error::new(format!("the track {what}")),
+            Way::Member { .. } => Error::new(format!("a member of a swarm {what}")),
             Way::Animated { animation, object, .. } => {
                 let path = animation.objects().get(*object).map_or("", |o| &o.path);
                 Error::new(what).at(Place::Part(path.to_owned()))
@@ -115,7 +179,14 @@ impl Carrier {
     /// on a grid of its frame rate besides its own.
     pub fn next_key_s(&self, time_s: f64) -> Option<f64> {
         let time = time_s + self.origin_s;
+        // The small part keeps a grid time from being followed by itself.
+        let on_grid = |time: f64| ((time * self.frame_rate_hz + 1e-6).floor() + 1.0) / self.frame_rate_hz;
         let next = match &self.way {
+            Way::Member { middle, .. } => {
+                // It flies for as long as somebody asks.
+                let next_s = on_grid(time_s);
+                return Some(middle.next_key_s(time_s).map_or(next_s, |key_s| key_s.min(next_s)));
+            }
             Way::Track(track) => {
                 let (first, last) = (track.keys.first()?.time_s, track.keys.last()?.time_s);
                 if time >= last || first == last {
@@ -125,8 +196,7 @@ impl Carrier {
                 let grid = match track.interpolation {
                     Interpolation::Step => own,
                     _ if time < first => first,
-                    // The small part keeps a grid time from being followed by itself.
-                    _ => ((time * self.frame_rate_hz + 1e-6).floor() + 1.0) / self.frame_rate_hz,
+                    _ => on_grid(time),
                 };
                 own.min(grid)
             }
@@ -160,6 +230,7 @@ impl Carrier {
         }
         match &self.way {
             Way::Track(track) => Ok(track.interpolation == Interpolation::Step),
+            Way::Member { middle, .. } => middle.jumps_at(time_s, before_s),
             Way::Animated { .. } => {
                 let step_s = time_s - before_s;
                 let speed = |a: f64, b: f64| -> Result<f64> {
@@ -181,6 +252,7 @@ impl Carrier {
         let end = match &self.way {
             Way::Track(track) if track.keys.len() > 1 => track.keys.last().map(|key| key.time_s),
             Way::Track(_) => None,
+            Way::Member { middle, .. } => return middle.end_s(),
             Way::Animated { animation, object, .. } => {
                 animation.objects().get(*object).and_then(|o| o.key_times.span_s()).map(|(_, end)| end)
             }
@@ -191,6 +263,9 @@ impl Carrier {
 
 /// Slower than this, in metres a second, nothing is taken to have jumped.
 const JUMP_MPS: f64 = 20.0;
+
+/// Positions so many seconds apart tell the velocity.
+const VELOCITY_STEP_S: f64 = 0.005;
 
 /// How much faster than the frames around it a jump is.
 const JUMP_RATIO: f64 = 8.0;
@@ -240,6 +315,8 @@ pub struct World {
     pub objects: Vec<Vec<Body>>,
     /// The microphones of the scene, in its order.
     pub ears: Vec<Ear>,
+    /// The wind that blows through it.
+    pub wind: Option<WindField>,
 }
 
 impl World {
@@ -251,7 +328,7 @@ impl World {
         let mut files = Files::open(scene)?;
         let frame_rate_hz = scene.frame_rate_hz;
         let mut objects = Vec::with_capacity(scene.objects.len());
-        for object in &scene.objects {
+        for (index, object) in scene.objects.iter().enumerate() {
             let carriers: Vec<(Option<String>, Option<Carrier>)> = match &object.motion {
                 None => vec![(None, None)],
                 Some(Motion::Track(track)) => {
@@ -271,10 +348,17 @@ impl World {
                 let name = path.map_or_else(|| object.name.clone(), |path| format!("{}{path}", object.name));
                 Body { name, carrier }
             });
-            objects.push(bodies.collect());
+            objects.push(match &object.swarm {
+                None => bodies.collect(),
+                Some(swarm) => {
+                    let random = Random::new(scene.seed, SWARMS + index as u64);
+                    bodies.flat_map(|body| members(swarm, body, random)).collect()
+                }
+            });
         }
         let ears = scene.microphones.iter().map(|microphone| files.ear(microphone, frame_rate_hz));
-        Ok(Self { ears: ears.collect::<Result<_>>()?, objects })
+        let wind = scene.wind.map(|wind| WindField::new(wind, scene.seed));
+        Ok(Self { ears: ears.collect::<Result<_>>()?, objects, wind })
     }
 
     /// The last time at which anything moves, in seconds of the soundtrack.
@@ -282,6 +366,24 @@ impl World {
         let bodies = self.objects.iter().flatten().filter_map(|body| body.carrier.as_ref());
         bodies.chain(self.ears.iter().map(|ear| &ear.carrier)).map(Carrier::end_s).fold(0.0, f64::max)
     }
+}
+
+/// The members of a swarm about a body.
+fn members(swarm: &Swarm, body: Body, random: Random) -> Vec<Body> {
+    let Some(middle) = body.carrier.map(Arc::new) else { return Vec::new() };
+    let rate = swarm.speed_mps / (MEAN_SPEED * swarm.radius_m);
+    let member = |number: usize| {
+        let wander = |axis: usize| Wander::new(random, (3 * number + axis) as u64, rate);
+        let stray = Stray::Wander(Arc::new(std::array::from_fn(wander)), swarm.radius_m);
+        let carrier = Carrier {
+            way: Way::Member { middle: Arc::clone(&middle), stray },
+            point: Point::Offset([0.0; 3]),
+            origin_s: 0.0,
+            frame_rate_hz: middle.frame_rate_hz,
+        };
+        Body { name: format!("{}/{}", body.name, number + 1), carrier: Some(carrier) }
+    };
+    (0..swarm.count).map(member).collect()
 }
 
 fn track_carrier(track: &Track, point: Point, frame_rate_hz: f64) -> Carrier {

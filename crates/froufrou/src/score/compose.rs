@@ -4,25 +4,34 @@
 //! Lines come out in time order as they are asked for, so that a score of any length is made in the
 //! memory of the threads that sound at once.
 
+mod palette;
+mod voice;
+
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap, HashMap, VecDeque};
 use std::iter::Peekable;
 
+use self::voice::{Follows, Place, Voice, faded};
 use super::{
-    Header, Make, Microphone, MicrophoneKey, ObjectHeader, ObjectLine, Order, Placement, Repeat, Sound,
-    Start, Statement, Verb,
+    Action, Blow, Cue, Header, Microphone, MicrophoneKey, ObjectHeader, ObjectLine, Order, Pattern, Start,
+    Statement, Verb,
 };
-use crate::motion::event::{Event, Impact};
-use crate::motion::impact::LogImpacts;
+use crate::motion::contacts::LogEvents;
+use crate::motion::event::{Event, Impact, Slide};
 use crate::random::Random;
-use crate::scene::asset::Asset;
-use crate::scene::file::{Emitter, ImpactSound, Scene, SceneSound, StartKey, Timing};
+use crate::scene::file::{Emitter, ImpactSound, Played, Scene, SceneSound, SlideSound, StartKey, Timing};
 use crate::scene::world::{Carrier, World};
-use crate::{Error, Place, Result};
+use crate::{Error, Result};
 
 /// Where nothing moves, a line comes this often all the same, so that a score can be mixed as it is
 /// read, however long a sound lasts.
 const HEARTBEAT_S: f64 = 1.0;
+
+/// So often a thread is told how the wind blows.
+const WIND_STEP_S: f64 = 0.1;
+
+/// Two bodies that slide and are not told to any more have stopped after so long.
+const SLIDE_GAP_S: f64 = 0.03;
 
 /// So many pairs of bodies are never too many to remember.
 const LEAST_QUIET: usize = 256;
@@ -30,66 +39,48 @@ const LEAST_QUIET: usize = 256;
 /// Microphones move on for this long after the last thread ends: the sound of a kilometre away.
 const LISTEN_ON_S: f64 = 3.0;
 
-/// What a scene plays and to whom: the header of its score. Recordings are named relative to the
-/// scene's folder.
+/// What a scene plays and to whom: the header of its score. Files are named relative to the scene's
+/// folder.
 pub fn header(scene: &Scene, world: &World) -> Result<ObjectHeader> {
-    let mut sounds = Palette::default();
-    for sound in &scene.sounds {
-        sound.recordings.iter().for_each(|asset| sounds.add(asset, sound.repeat, sound.channel));
-    }
-    for impact in scene.materials.iter().filter_map(|m| m.impact.as_ref()) {
-        impact.recordings.iter().for_each(|asset| sounds.add(asset, Repeat::Once, None));
-    }
     let mut receivers = Vec::with_capacity(scene.microphones.len());
     for (microphone, ear) in scene.microphones.iter().zip(&world.ears) {
         let moves = ear.carrier().next_key_s(f64::MIN).is_some();
         let fixed = if moves { None } else { Some(ear.pose(0.0)?) };
         receivers.push(Microphone { name: microphone.name.clone(), shape: microphone.shape, fixed });
     }
+    let mut patterns: Vec<Pattern> = Vec::new();
+    for harmonics in scene.sounds.iter().filter_map(|sound| sound.pattern.as_ref()) {
+        if patterns.iter().all(|pattern| pattern.harmonics != *harmonics) {
+            let name = format!("pattern-{}", patterns.len() + 1);
+            patterns.push(Pattern { name, harmonics: harmonics.clone() });
+        }
+    }
     Ok(Header {
         speed_of_sound_mps: scene.speed_of_sound_mps,
         duration_s: scene.duration_s,
         seed: scene.seed,
-        surroundings: None,
-        patterns: Vec::new(),
-        order: Order::Time,
-        sounds: sounds.sounds,
-        receivers,
+        patterns,
+        sounds: palette::sounds(scene),
+        ..Header::new(Order::Time, receivers)
     })
 }
 
-/// The sounds of a score, each with a name of its own.
-#[derive(Default)]
-struct Palette {
-    sounds: Vec<Sound>,
-}
-
-impl Palette {
-    fn add(&mut self, asset: &Asset, repeat: Repeat, channel: Option<usize>) {
-        if self.sounds.iter().any(|s| is(s, asset, repeat, channel)) {
-            return;
-        }
-        let stem = asset.name.rsplit('/').next().unwrap_or_default();
-        let stem = stem.rsplit_once('.').map_or(stem, |(stem, _)| stem);
-        let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
-        let mut base: String = stem.chars().map(plain).collect();
-        if !base.starts_with(|c: char| c.is_ascii_alphabetic()) {
-            base.insert(0, '_');
-        }
-        let taken = |name: &str| self.sounds.iter().any(|s| s.name == name);
-        let numbered = (2..).map(|n| format!("{base}-{n}"));
-        let name = std::iter::once(base.clone()).chain(numbered).find(|name| !taken(name)).unwrap_or(base);
-        self.sounds.push(Sound::recording(name, asset.name.clone(), repeat, channel));
-    }
-}
-
-fn is(sound: &Sound, asset: &Asset, repeat: Repeat, channel: Option<usize>) -> bool {
-    sound.make == Make::Recording { path: asset.name.clone(), repeat, channel }
+/// What has to be known of a sound to say when it starts and ends.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SoundFacts {
+    /// Seconds it lasts at speed 1; infinite where it does not end by itself.
+    pub length_s: f64,
+    /// Of a recording that repeats: seconds of one period.
+    pub period_s: Option<f64>,
+    /// Of an instrument that is struck: seconds until it is silent again.
+    pub ring_s: Option<f64>,
+    /// The controls of an instrument.
+    pub controls: Vec<String>,
 }
 
 /// What happens in a scene by itself, told by its contact logs, in time order.
 pub struct Events {
-    logs: Vec<Peekable<LogImpacts>>,
+    logs: Vec<Peekable<LogEvents>>,
 }
 
 impl Events {
@@ -98,7 +89,7 @@ impl Events {
     /// # Errors
     /// A log that cannot be read.
     pub fn open(scene: &Scene) -> Result<Self> {
-        let logs = scene.contacts.iter().map(|contacts| Ok(LogImpacts::open(contacts)?.peekable()));
+        let logs = scene.contacts.iter().map(|contacts| Ok(LogEvents::open(contacts)?.peekable()));
         Ok(Self { logs: logs.collect::<Result<_>>()? })
     }
 }
@@ -127,8 +118,8 @@ pub struct Composer<'a, E> {
     scene: &'a Scene,
     world: &'a World,
     header: &'a ObjectHeader,
-    /// Seconds each sound of the header lasts at speed 1, by name.
-    lengths_s: BTreeMap<String, f64>,
+    /// What is known of each sound of the header, by name.
+    facts: BTreeMap<String, SoundFacts>,
     end_s: f64,
     events: E,
     next_event: Option<Event>,
@@ -145,6 +136,10 @@ pub struct Composer<'a, E> {
     quiet_until_s: HashMap<(String, String, usize), f64>,
     /// How many of those there may be before the ones that are over are forgotten.
     most_quiet: usize,
+    /// The threads of bodies that ring after a strike, by object and body.
+    ringing: HashMap<(usize, String), u64>,
+    /// The threads of pairs of bodies that slide along each other, by their names and the object.
+    sliding: HashMap<(String, String, usize), u64>,
     ready: VecDeque<ObjectLine>,
     state: State,
 }
@@ -164,11 +159,12 @@ struct Planned {
     key: Option<StartKey>,
 }
 
-/// What recordings are picked for: a sound of the scene, or the impacts of an object.
+/// What recordings are picked for: a sound of the scene, or the impacts or slides of an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 enum Group {
     Sound(usize, usize),
     Impact(usize),
+    Slide(usize),
 }
 
 impl Group {
@@ -177,6 +173,7 @@ impl Group {
         match self {
             Group::Sound(sound, body) => ((sound as u64) << 32) + ((body as u64) << 1),
             Group::Impact(object) => ((object as u64) << 1) + 1,
+            Group::Slide(object) => (1 << 62) + object as u64,
         }
     }
 }
@@ -188,28 +185,25 @@ struct Picks {
     last: Option<usize>,
 }
 
-/// A thread that sounds.
-struct Voice {
-    /// What it starts with, until it has.
-    start: Option<Start>,
-    carrier: Carrier,
-    /// Gain at 1 m over time: breakpoints, linear between.
-    gain: Vec<(f64, f64)>,
-    end_s: f64,
-    passed_s: f64,
-}
-
 struct EarState {
     moves: bool,
     passed_s: f64,
 }
 
-/// When something has its next line: in order of time, microphones before threads.
+/// When something has its next line: in order of time, microphones before threads, and what a thread
+/// is told after its line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Due {
     time_s: f64,
-    thread: bool,
+    what: What,
     id: u64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum What {
+    Microphone,
+    Line,
+    Cue,
 }
 
 impl Eq for Due {}
@@ -222,64 +216,39 @@ impl PartialOrd for Due {
 
 impl Ord for Due {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.time_s.total_cmp(&other.time_s).then((self.thread, self.id).cmp(&(other.thread, other.id)))
+        let threads = |due: &Due| due.what != What::Microphone;
+        let whose = (threads(self), self.id, self.what).cmp(&(threads(other), other.id, other.what));
+        self.time_s.total_cmp(&other.time_s).then(whose)
     }
 }
 
 impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
     /// A composer for a scene.
     ///
-    /// `lengths_s` gives the seconds each sound of the header lasts at speed 1, infinite for loops;
-    /// `events` come in time order; `end_s` is when the scene is over for sounds that run through it.
+    /// `facts` tells of each sound of the header, by name; `events` come in time order; `end_s` is when
+    /// the scene is over for sounds that run through it.
     ///
     /// # Errors
-    /// A scene with sounds that run through it and nothing that says how long it is.
+    /// A scene with sounds that run through it and nothing that says how long it is; an instrument that
+    /// is struck and does not ring, or is told what it has no control for.
     pub fn new(
         scene: &'a Scene,
         world: &'a World,
         header: &'a ObjectHeader,
-        lengths_s: impl IntoIterator<Item = (String, f64)>,
+        facts: impl IntoIterator<Item = (String, SoundFacts)>,
         end_s: f64,
         events: E,
     ) -> Result<Self> {
-        let mut starts = Vec::new();
-        for (index, sound) in scene.sounds.iter().enumerate() {
-            let bodies = match sound.emitter {
-                Emitter::Object(object) => world.objects[object].len(),
-                Emitter::Position(_) => 1,
-            };
-            for body in 0..bodies {
-                match &sound.timing {
-                    Timing::Starts(keys) => starts.extend(keys.iter().map(|&key| Planned {
-                        time_s: key.time_s,
-                        sound: index,
-                        body,
-                        key: Some(key),
-                    })),
-                    Timing::Span { from_s, to_s } => {
-                        if sound.repeat != Repeat::Once && to_s.is_none() && end_s <= *from_s {
-                            return Err(Error::new(
-                                "a loop runs through the scene, and nothing says how long it is",
-                            )
-                            .in_file(&scene.file)
-                            .help("give the scene a `duration`, or the sound a `to`"));
-                        }
-                        starts.push(Planned { time_s: *from_s, sound: index, body, key: None });
-                    }
-                }
-            }
-        }
-        starts.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         let moves = |microphone: &Microphone| microphone.fixed.is_none();
-        Ok(Self {
+        let mut composer = Self {
             scene,
             world,
             header,
-            lengths_s: lengths_s.into_iter().collect(),
+            facts: facts.into_iter().collect(),
             end_s,
             events,
             next_event: None,
-            starts: starts.into(),
+            starts: VecDeque::new(),
             voices: BTreeMap::new(),
             next_thread: 1,
             last_end_s: 0.0,
@@ -288,9 +257,68 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             picks: HashMap::new(),
             quiet_until_s: HashMap::new(),
             most_quiet: LEAST_QUIET,
+            ringing: HashMap::new(),
+            sliding: HashMap::new(),
             ready: VecDeque::new(),
             state: State::New,
-        })
+        };
+        composer.starts = composer.planned()?;
+        Ok(composer)
+    }
+
+    /// The starts that are set by hand, in order of time.
+    fn planned(&self) -> Result<VecDeque<Planned>> {
+        let fault = |what: String| Error::new(what).in_file(&self.scene.file);
+        let mut starts = Vec::new();
+        for (index, sound) in self.scene.sounds.iter().enumerate() {
+            let facts = self.facts_of(&sound.played, 0);
+            for name in sound.set.iter().flat_map(|key| &key.values).map(|(name, _)| name) {
+                if facts.is_some_and(|facts| !facts.controls.contains(name)) {
+                    let known = facts.map_or(String::new(), |facts| facts.controls.join(", "));
+                    return Err(fault(format!(
+                        "`set` names `{name}`, which its instrument has no control for"
+                    ))
+                    .help(if known.is_empty() {
+                        "it has none".into()
+                    } else {
+                        format!("it has {known}")
+                    }));
+                }
+            }
+            let bodies = match sound.emitter {
+                Emitter::Object(object) => self.world.objects[object].len(),
+                Emitter::Around(None) => self.header.receivers.len(),
+                Emitter::Position(_) | Emitter::Around(Some(_)) => 1,
+            };
+            for body in 0..bodies {
+                let start = |time_s, key| Planned { time_s, sound: index, body, key };
+                match &sound.timing {
+                    Timing::Starts(keys) => {
+                        starts.extend(keys.iter().map(|&key| start(key.time_s, Some(key))))
+                    }
+                    Timing::Strikes(strikes) => {
+                        if facts.is_some_and(|facts| facts.ring_s.is_none()) {
+                            return Err(fault(
+                                "an instrument is struck by `at`, and it does not ring".into(),
+                            )
+                            .help("give it `from` and `to` instead"));
+                        }
+                        starts.extend(strikes.first().map(|&(time_s, _)| start(time_s, None)));
+                    }
+                    Timing::Span { from_s, to_s } => {
+                        if sound.played.is_endless() && to_s.is_none() && self.end_s <= *from_s {
+                            return Err(fault(
+                                "a sound runs through the scene, and nothing says how long it is".into(),
+                            )
+                            .help("give the scene a `duration`, or the sound a `to`"));
+                        }
+                        starts.push(start(*from_s, None));
+                    }
+                }
+            }
+        }
+        starts.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        Ok(starts.into())
     }
 
     fn step(&mut self) -> Result<Option<ObjectLine>> {
@@ -298,7 +326,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             self.state = State::Running;
             self.next_event = self.events.next().transpose()?;
             for index in (0..self.ears.len()).filter(|&i| self.ears[i].moves) {
-                self.due.push(Reverse(Due { time_s: 0.0, thread: false, id: index as u64 }));
+                self.due.push(Reverse(Due { time_s: 0.0, what: What::Microphone, id: index as u64 }));
             }
         }
         loop {
@@ -313,7 +341,8 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                 let silent = self.voices.is_empty() && start_s.min(event_s) == f64::INFINITY;
                 let idle = silent && due_s > self.last_end_s + LISTEN_ON_S;
                 match self.due.pop() {
-                    Some(Reverse(due)) if due.thread => self.sound(due.id, due.time_s)?,
+                    Some(Reverse(due)) if due.what == What::Line => self.sound(due.id, due.time_s)?,
+                    Some(Reverse(due)) if due.what == What::Cue => self.cue(due.id, due.time_s),
                     Some(Reverse(due)) if !idle => self.hear(due.id as usize, due.time_s)?,
                     _ => {}
                 }
@@ -325,8 +354,10 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                 }
             } else if let Some(event) = self.next_event.take() {
                 self.next_event = self.events.next().transpose()?;
-                let Event::Impact(impact) = &event;
-                self.strike(impact)?;
+                match &event {
+                    Event::Impact(impact) => self.strike(impact)?,
+                    Event::Slide(slide) => self.slide(slide)?,
+                }
             }
         }
     }
@@ -342,39 +373,36 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         }
         self.ready.push_back(key(ear.pose(time_s)?, cut));
         let next_s = ear.carrier().next_key_s(time_s).unwrap_or(f64::INFINITY).min(time_s + HEARTBEAT_S);
-        self.due.push(Reverse(Due { time_s: next_s, thread: false, id: index as u64 }));
+        self.due.push(Reverse(Due { time_s: next_s, what: What::Microphone, id: index as u64 }));
         Ok(())
     }
 
     /// Gives a sounding thread's line.
     fn sound(&mut self, id: u64, time_s: f64) -> Result<()> {
-        let Some(voice) = self.voices.get_mut(&id) else { return Ok(()) };
-        let gain = gain_at(&voice.gain, time_s);
-        let before_s = std::mem::replace(&mut voice.passed_s, time_s);
-        let line = |verb, position_m| {
-            let value = Placement::at(position_m, gain);
-            ObjectLine::Thread(Statement { thread: id, path: 0, time_s, verb, value })
-        };
-        let jumps = voice.start.is_none() && voice.carrier.jumps_at(time_s, before_s)?;
-        let ends = time_s >= voice.end_s;
-        if let Some(start) = voice.start.take() {
-            self.ready.push_back(line(Verb::Start(start), voice.carrier.position_m(time_s)?));
-            // A sound without length ends as it starts; its end needs a time of its own.
-            voice.end_s = voice.end_s.max(time_s.next_up());
-            self.schedule(id, time_s);
+        let Some(voice) = self.voices.get_mut(&id).filter(|voice| voice.due_s == time_s) else {
             return Ok(());
-        }
-        if ends && jumps {
-            self.ready.push_back(line(Verb::End, voice.carrier.position_m(before_s)?));
-        } else {
-            let verb = if ends {
-                Verb::End
-            } else if jumps {
-                Verb::Jump
-            } else {
-                Verb::Key
-            };
-            self.ready.push_back(line(verb, voice.carrier.position_m(time_s)?));
+        };
+        let gain = voice.gain_at(time_s);
+        let before_s = std::mem::replace(&mut voice.passed_s, time_s);
+        let jumps = voice.start.is_none() && voice.jumps_at(time_s, before_s)?;
+        let ends = time_s >= voice.end_s && voice.start.is_none();
+        let verb = match voice.start.take() {
+            Some(start) => {
+                // A sound without length ends as it starts; its end needs a time of its own.
+                voice.end_s = voice.end_s.max(time_s.next_up());
+                Verb::Start(start)
+            }
+            None if ends => Verb::End,
+            None if jumps => Verb::Jump,
+            None => Verb::Key,
+        };
+        let placed_s = if ends && jumps { before_s } else { time_s };
+        let value = voice.placement(placed_s, gain)?;
+        let speed = if ends { None } else { voice.speed_mps(time_s, self.world.wind.as_ref())? };
+        self.ready.push_back(ObjectLine::Thread(Statement { thread: id, path: 0, time_s, verb, value }));
+        if let Some(speed) = speed {
+            let action = Action::Set(vec![("speed".to_owned(), tidy(speed))]);
+            self.ready.push_back(ObjectLine::Cue(Cue { thread: id, time_s, action }));
         }
         if ends {
             self.voices.remove(&id);
@@ -385,55 +413,125 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         Ok(())
     }
 
+    /// Tells a thread what it is to be told by now.
+    fn cue(&mut self, id: u64, time_s: f64) {
+        let Some(voice) = self.voices.get_mut(&id) else { return };
+        while let Some((_, action)) = voice.cues.pop_front_if(|(due_s, _)| *due_s <= time_s) {
+            self.ready.push_back(ObjectLine::Cue(Cue { thread: id, time_s, action }));
+        }
+        let end_s = voice.end_s;
+        if let Some(&(next_s, _)) = voice.cues.front().filter(|&&(next_s, _)| next_s < end_s) {
+            self.due.push(Reverse(Due { time_s: next_s, what: What::Cue, id }));
+        }
+    }
+
     fn schedule(&mut self, id: u64, time_s: f64) {
-        let Some(voice) = self.voices.get(&id) else { return };
-        let mut next_s = voice.end_s.min(time_s + HEARTBEAT_S);
-        if let Some(key_s) = voice.carrier.next_key_s(time_s) {
+        let changes = self.world.wind.as_ref().is_some_and(|wind| wind.changes());
+        let Some(voice) = self.voices.get_mut(&id) else { return };
+        let beat_s = if voice.speed.is_some() && changes { WIND_STEP_S } else { HEARTBEAT_S };
+        let mut next_s = voice.end_s.min(time_s + beat_s);
+        if let Some(key_s) = voice.next_key_s(time_s) {
             next_s = next_s.min(key_s);
         }
         if let Some(&(point_s, _)) = voice.gain.iter().find(|&&(point_s, _)| point_s > time_s) {
             next_s = next_s.min(point_s);
         }
-        self.due.push(Reverse(Due { time_s: next_s, thread: true, id }));
+        voice.due_s = next_s;
+        self.due.push(Reverse(Due { time_s: next_s, what: What::Line, id }));
     }
 
-    /// Begins a thread.
-    fn begin(&mut self, time_s: f64, carrier: Carrier, gain: Vec<(f64, f64)>, end_s: f64, start: Start) {
+    /// Begins a thread; gives its number.
+    fn begin(&mut self, time_s: f64, voice: Voice) -> u64 {
         let id = self.next_thread;
         self.next_thread += 1;
-        self.voices.insert(id, Voice { start: Some(start), carrier, gain, end_s, passed_s: time_s });
-        self.due.push(Reverse(Due { time_s, thread: true, id }));
+        self.due.push(Reverse(Due { time_s, what: What::Line, id }));
+        if let Some(&(cue_s, _)) = voice.cues.front() {
+            self.due.push(Reverse(Due { time_s: cue_s.max(time_s), what: What::Cue, id }));
+        }
+        self.voices.insert(id, voice);
+        id
     }
 
     /// Starts a sound that the scene sets by hand.
     fn start(&mut self, planned: &Planned) -> Result<()> {
         let sound: &SceneSound = &self.scene.sounds[planned.sound];
-        let (carrier, object) = match sound.emitter {
-            Emitter::Position(position_m) => (Carrier::still(position_m), String::new()),
+        let (place, object) = match sound.emitter {
+            Emitter::Position(position_m) => (Place::Carrier(Carrier::still(position_m)), String::new()),
+            Emitter::Around(Some(microphone)) => (Place::Around(microphone), String::new()),
+            Emitter::Around(None) => (Place::Around(planned.body), String::new()),
             Emitter::Object(object) => {
                 let body = &self.world.objects[object][planned.body];
                 let Some(carrier) = &body.carrier else { return Ok(()) };
-                (carrier.clone(), body.name.clone())
+                (Place::Carrier(carrier.clone()), body.name.clone())
             }
         };
         let group = Group::Sound(planned.sound, planned.body);
-        let (name, variation) =
-            self.pick(group, &sound.recordings, sound.repeat, sound.channel, sound.speed_variation)?;
+        let (name, variation) = self.pick(group, &sound.played, sound.speed_variation)?;
+        let facts = self.facts.get(&name);
         let key = planned.key.unwrap_or(StartKey { time_s: planned.time_s, gain_db: 0.0, speed: 1.0 });
         let speed = sound.speed * key.speed * variation;
-        let natural_end_s = planned.time_s + self.length_s(&name) / speed;
+        let natural_end_s = planned.time_s + facts.map_or(0.0, |facts| facts.length_s) / speed;
+        let mut cues: VecDeque<(f64, Action)> = VecDeque::new();
         let end_s = match &sound.timing {
+            Timing::Strikes(strikes) => {
+                cues.extend(strikes.iter().map(|&(time_s, blow)| (time_s, Action::Strike(blow))));
+                let last_s = strikes.last().map_or(planned.time_s, |&(time_s, _)| time_s);
+                last_s + facts.and_then(|facts| facts.ring_s).unwrap_or(0.0)
+            }
             Timing::Span { to_s: Some(to_s), .. } => natural_end_s.min(*to_s),
-            _ if sound.repeat == Repeat::Once => natural_end_s,
+            _ if !sound.played.is_endless() => natural_end_s,
             _ => self.end_s,
         };
-        let loudest = from_db(sound.gain_db + key.gain_db) * sound.reference_distance_m;
+        let sets =
+            sound.set.iter().map(|key| (key.time_s.max(planned.time_s), Action::Set(key.values.clone())));
+        cues.extend(sets);
+        cues.make_contiguous().sort_by(|a, b| a.0.total_cmp(&b.0));
+        // A control of the name is told by the motion, where the author says nothing.
+        let told = sound.set.iter().flat_map(|key| &key.values).any(|(name, _)| name == "speed");
+        let has_speed = facts.is_some_and(|facts| facts.controls.iter().any(|name| name == "speed"));
+        let follows = match place {
+            Place::Carrier(_) => Follows::Air,
+            Place::Around(_) => Follows::Wind,
+        };
+        // The same loop around several microphones is heard from several places of it.
+        let offset_s = match (sound.emitter, facts.and_then(|facts| facts.period_s)) {
+            (Emitter::Around(None), Some(period_s)) => {
+                period_s * Random::new(self.scene.seed, group.number()).uniform(u64::MAX)
+            }
+            _ => 0.0,
+        };
+        let loudest = from_db(sound.gain_db + key.gain_db)
+            * if matches!(place, Place::Around(_)) { 1.0 } else { sound.reference_distance_m };
+        let cause = match (&planned.key, &sound.timing) {
+            (None, Timing::Span { .. }) => "runs through the scene",
+            _ => "set by hand",
+        };
+        let harmonics = sound.pattern.as_ref();
+        let pattern = self.header.patterns.iter().find(|pattern| Some(&pattern.harmonics) == harmonics);
+        let pattern = pattern.map_or(String::new(), |pattern| pattern.name.clone());
+        let turns = !pattern.is_empty();
+        let start = Start { sound: name, speed, offset_s, object, cause: cause.into(), pattern };
         let gain = faded(loudest, planned.time_s, end_s, sound.fade_in_s, sound.fade_out_s);
-        let cause = if planned.key.is_some() { "set by hand" } else { "runs through the scene" };
-        let start =
-            Start { sound: name, speed, offset_s: 0.0, object, cause: cause.into(), pattern: String::new() };
-        self.begin(planned.time_s, carrier, gain, end_s, start);
+        let speed = (has_speed && !told).then_some(follows);
+        let time_s = planned.time_s;
+        let voice = Voice {
+            start: Some(start),
+            place,
+            turns,
+            gain,
+            end_s,
+            passed_s: time_s,
+            due_s: time_s,
+            cues,
+            speed,
+        };
+        self.begin(time_s, voice);
         Ok(())
+    }
+
+    /// The objects that a body of a log is, which is one or none.
+    fn object_of(&self, body: &str) -> Option<usize> {
+        self.scene.objects.iter().position(|object| object.body.matches(body))
     }
 
     /// Lets both bodies of an impact sound, as their materials have it.
@@ -442,9 +540,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             return Ok(());
         }
         for (body, other) in [(&impact.a, &impact.b), (&impact.b, &impact.a)] {
-            let Some(index) = self.scene.objects.iter().position(|object| object.body.matches(body)) else {
-                continue;
-            };
+            let Some(index) = self.object_of(body) else { continue };
             let material = self.scene.objects[index].material.and_then(|m| self.scene.materials.get(m));
             let Some(sound) = material.and_then(|m| m.impact.as_ref()) else { continue };
             let pair = (body.clone(), other.clone(), index);
@@ -461,6 +557,26 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         Ok(())
     }
 
+    /// What carries a body of a log, and the name of its stem.
+    fn carried(
+        &self,
+        index: usize,
+        body: &str,
+        position_m: [f64; 3],
+        time_s: f64,
+    ) -> Result<(Carrier, String)> {
+        let bodies = &self.world.objects[index];
+        let named = bodies.iter().find(|b| b.name.rsplit('/').next() == Some(body)).or(bodies.first());
+        let carrier = match named.and_then(|b| b.carrier.as_ref()) {
+            Some(carrier) => carrier.holding(position_m, time_s)?,
+            None => Carrier::still(position_m),
+        };
+        let object = named
+            .filter(|_| bodies.len() > 1)
+            .map_or_else(|| self.scene.objects[index].name.clone(), |b| b.name.clone());
+        Ok((carrier, object))
+    }
+
     fn strike_one(
         &mut self,
         impact: &Impact,
@@ -469,64 +585,186 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         index: usize,
         sound: &ImpactSound,
     ) -> Result<()> {
-        let bodies = &self.world.objects[index];
-        let named = bodies.iter().find(|b| b.name.rsplit('/').next() == Some(body)).or(bodies.first());
-        let carrier = match named.and_then(|b| b.carrier.as_ref()) {
-            Some(carrier) => carrier.holding(impact.position_m, impact.time_s)?,
-            None => Carrier::still(impact.position_m),
-        };
-        let object = named
-            .filter(|_| bodies.len() > 1)
-            .map_or_else(|| self.scene.objects[index].name.clone(), |b| b.name.clone());
-        let (name, speed) =
-            self.pick(Group::Impact(index), &sound.recordings, Repeat::Once, None, sound.speed_variation)?;
-        // Pressure is proportional to impulse.
-        let level = impact.impulse_ns / sound.reference_impulse_ns;
+        let time_s = impact.time_s;
+        let (name, speed) = self.pick(Group::Impact(index), &sound.played, sound.speed_variation)?;
+        let facts = self.facts.get(&name);
+        let ring_s = facts.and_then(|facts| facts.ring_s);
+        let struck = matches!(sound.played, Played::Instrument(_));
+        let count = self.picks.get(&Group::Impact(index)).map_or(0, |picks| picks.count);
+        let [from, to] = sound.place;
+        let place = from + (to - from) * Random::new(self.scene.seed, STRIKES + index as u64).uniform(count);
+        let blow = Blow { impulse_ns: impact.impulse_ns, place: tidy(place), contact_s: sound.contact_s };
+        let ringing = (index, body.to_owned());
+        if struck && let Some(ring_s) = ring_s {
+            // What still rings is struck again.
+            if let Some(&id) = self.ringing.get(&ringing)
+                && let Some(voice) = self.voices.get_mut(&id)
+            {
+                voice.end_s = voice.end_s.max(time_s + ring_s);
+                voice.cues.push_back((time_s, Action::Strike(blow)));
+                self.due.push(Reverse(Due { time_s, what: What::Cue, id }));
+                return Ok(());
+            }
+        }
+        let length_s =
+            if struck { ring_s.unwrap_or(0.0) } else { facts.map_or(0.0, |facts| facts.length_s) / speed };
+        let (carrier, object) = self.carried(index, body, impact.position_m, time_s)?;
+        // Pressure is proportional to impulse; an instrument is so by itself.
+        let level = if struck { 1.0 } else { impact.impulse_ns } / sound.reference_impulse_ns;
         let gain = from_db(sound.gain_db) * level * sound.reference_distance_m;
-        let end_s = impact.time_s + self.length_s(&name) / speed;
         let cause = format!(
             "{body} struck by {other}, {:.4} N s, {}:{}-{}",
             impact.impulse_ns, impact.cause.log, impact.cause.first_line, impact.cause.last_line
         );
         let start = Start { sound: name, speed, offset_s: 0.0, object, cause, pattern: String::new() };
-        self.begin(impact.time_s, carrier, vec![(impact.time_s, gain)], end_s, start);
+        let cues = if struck { VecDeque::from([(time_s, Action::Strike(blow))]) } else { VecDeque::new() };
+        let id = self.begin(
+            time_s,
+            Voice {
+                start: Some(start),
+                place: Place::Carrier(carrier),
+                turns: false,
+                gain: vec![(time_s, gain)],
+                end_s: time_s + length_s,
+                passed_s: time_s,
+                due_s: time_s,
+                cues,
+                speed: None,
+            },
+        );
+        if struck {
+            let voices = &self.voices;
+            self.ringing.retain(|_, id| voices.contains_key(id));
+            self.ringing.insert(ringing, id);
+        }
         Ok(())
     }
 
-    fn length_s(&self, sound: &str) -> f64 {
-        self.lengths_s.get(sound).copied().unwrap_or(0.0)
+    /// Lets both bodies sound that slide along each other, as their materials have it.
+    fn slide(&mut self, slide: &Slide) -> Result<()> {
+        if slide.time_s < 0.0 {
+            return Ok(());
+        }
+        for (body, other) in [(&slide.a, &slide.b), (&slide.b, &slide.a)] {
+            let Some(index) = self.object_of(body) else { continue };
+            let material = self.scene.objects[index].material.and_then(|m| self.scene.materials.get(m));
+            let Some(sound) = material.and_then(|m| m.slide.as_ref()) else { continue };
+            if slide.speed_mps >= sound.floor_speed_mps {
+                self.slide_one(slide, body, other, index, sound)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn slide_one(
+        &mut self,
+        slide: &Slide,
+        body: &str,
+        other: &str,
+        index: usize,
+        sound: &SlideSound,
+    ) -> Result<()> {
+        let time_s = slide.time_s;
+        let gain =
+            from_db(sound.gain_db) * slide.force_n / sound.reference_force_n * sound.reference_distance_m;
+        let end_s = time_s + SLIDE_GAP_S + slide.lasts_s;
+        let pair = (body.to_owned(), other.to_owned(), index);
+        let live = self.sliding.get(&pair).copied().filter(|id| self.voices.contains_key(id));
+        let id = match live {
+            Some(id) => id,
+            None => {
+                let (name, _) = self.pick(Group::Slide(index), &sound.played, 0.0)?;
+                let (_, object) = self.carried(index, body, slide.position_m, time_s)?;
+                let cause =
+                    format!("{body} slides along {other}, {}:{}", slide.cause.log, slide.cause.first_line);
+                let start =
+                    Start { sound: name, speed: 1.0, offset_s: 0.0, object, cause, pattern: String::new() };
+                let voice = Voice {
+                    start: Some(start),
+                    place: Place::Carrier(Carrier::still(slide.position_m)),
+                    turns: false,
+                    gain: Vec::new(),
+                    end_s,
+                    passed_s: time_s,
+                    due_s: time_s,
+                    cues: VecDeque::new(),
+                    speed: None,
+                };
+                let voices = &self.voices;
+                self.sliding.retain(|_, id| voices.contains_key(id));
+                let id = self.begin(time_s, voice);
+                self.sliding.insert(pair, id);
+                id
+            }
+        };
+        let name = self.name_of(&sound.played, 0);
+        let controls = name.and_then(|name| self.facts.get(&name)).map(|facts| facts.controls.as_slice());
+        let has =
+            |control: &str| controls.is_some_and(|controls| controls.iter().any(|name| name == control));
+        let told = [("speed", slide.speed_mps), ("force", slide.force_n)].into_iter();
+        let told: Vec<(String, f64)> =
+            told.filter(|(name, _)| has(name)).map(|(name, value)| (name.to_owned(), tidy(value))).collect();
+        let Some(voice) = self.voices.get_mut(&id) else { return Ok(()) };
+        voice.place = Place::Carrier(Carrier::still(slide.position_m));
+        // It dies away where it is told nothing more.
+        voice.gain = vec![(time_s, gain), (end_s, 0.0)];
+        voice.end_s = end_s;
+        // Two logs may tell of one pair at one time.
+        if voice.start.is_some() || voice.passed_s < time_s {
+            voice.due_s = time_s;
+            self.due.push(Reverse(Due { time_s, what: What::Line, id }));
+        }
+        if !told.is_empty() {
+            voice.cues.push_back((time_s, Action::Set(told)));
+            self.due.push(Reverse(Due { time_s, what: What::Cue, id }));
+        }
+        Ok(())
+    }
+
+    /// The name in the header of one of the sounds of what plays.
+    fn name_of(&self, played: &Played, index: usize) -> Option<String> {
+        let wanted = palette::sound_of(played, index, &self.scene.instruments);
+        self.header.sounds.iter().find(|sound| palette::same(sound, &wanted)).map(|sound| sound.name.clone())
+    }
+
+    fn facts_of(&self, played: &Played, index: usize) -> Option<&SoundFacts> {
+        self.facts.get(&self.name_of(played, index)?)
     }
 
     /// Picks one of several recordings, never the same twice running, and a variation of its speed.
-    fn pick(
-        &mut self,
-        group: Group,
-        recordings: &[Asset],
-        repeat: Repeat,
-        channel: Option<usize>,
-        variation: f64,
-    ) -> Result<(String, f64)> {
+    fn pick(&mut self, group: Group, played: &Played, variation: f64) -> Result<(String, f64)> {
+        let count = match played {
+            Played::Recordings { recordings, .. } => recordings.len(),
+            Played::Instrument(_) => 1,
+        };
         let random = Random::new(self.scene.seed, group.number());
         let picks = self.picks.entry(group).or_default();
         let index = match picks.last {
-            Some(last) if recordings.len() > 1 => {
-                let other = random.below(2 * picks.count, recordings.len() - 1);
+            Some(last) if count > 1 => {
+                let other = random.below(2 * picks.count, count - 1);
                 other + usize::from(other >= last)
             }
-            _ => random.below(2 * picks.count, recordings.len()),
+            _ => random.below(2 * picks.count, count),
         };
         let speed = 1.0 + variation * (2.0 * random.uniform(2 * picks.count + 1) - 1.0);
         picks.count += 1;
         picks.last = Some(index);
-        let sound =
-            recordings.get(index).and_then(|a| self.header.sounds.iter().find(|s| is(s, a, repeat, channel)));
-        match sound {
-            Some(sound) => Ok((sound.name.clone(), speed)),
-            None => Err(Error::new("a sound of the scene is not among those of its score")
-                .in_file(&self.scene.file)
-                .at(Place::Part(recordings.get(index).map_or("", |a| &a.name).to_owned()))),
+        match self.name_of(played, index) {
+            Some(name) => Ok((name, speed)),
+            None => {
+                Err(Error::new("a sound of the scene is not among those of its score")
+                    .in_file(&self.scene.file))
+            }
         }
     }
+}
+
+/// Keeps the places of strikes apart from other random numbers of the same seed.
+const STRIKES: u64 = 0x57a1_0000_0000_0000;
+
+/// A number rounded far below what is heard, so that a score is good to read.
+fn tidy(value: f64) -> f64 {
+    (value * 1e9).round() / 1e9 + 0.0
 }
 
 impl<E: Iterator<Item = Result<Event>>> Iterator for Composer<'_, E> {
@@ -547,30 +785,4 @@ impl<E: Iterator<Item = Result<Event>>> Iterator for Composer<'_, E> {
 /// Decibels of pressure to a factor.
 fn from_db(db: f64) -> f64 {
     10f64.powf(db / 20.0)
-}
-
-/// The gain over time of a sound that fades in and out.
-fn faded(gain: f64, start_s: f64, end_s: f64, fade_in_s: f64, fade_out_s: f64) -> Vec<(f64, f64)> {
-    let fades_s = fade_in_s + fade_out_s;
-    // Where the sound is shorter than its fades they share it.
-    let share = if fades_s > 0.0 { ((end_s - start_s) / fades_s).min(1.0) } else { 1.0 };
-    let mut points = Vec::new();
-    if fade_in_s > 0.0 {
-        points.push((start_s, 0.0));
-    }
-    points.push((start_s + fade_in_s * share, gain));
-    if fade_out_s > 0.0 {
-        points.push((end_s - fade_out_s * share, gain));
-        points.push((end_s, 0.0));
-    }
-    points
-}
-
-fn gain_at(points: &[(f64, f64)], time_s: f64) -> f64 {
-    let after = points.partition_point(|&(t, _)| t <= time_s);
-    match (after.checked_sub(1).map(|i| points[i]), points.get(after)) {
-        (Some((t0, g0)), Some(&(t1, g1))) => g0 + (g1 - g0) * (time_s - t0) / (t1 - t0),
-        (Some((_, g)), None) | (None, Some(&(_, g))) => g,
-        (None, None) => 0.0,
-    }
 }

@@ -1,7 +1,10 @@
+use super::super::contacts::LogEvents;
+use super::super::event::{Event, Impact};
 use super::*;
 use crate::random::Random;
 use crate::scene::asset::Asset;
-use crate::scene::contact_log::{ContactColumns, UpAxis};
+use crate::scene::contact_log::{ContactColumns, ContactLog, UpAxis};
+use crate::scene::file::Contacts;
 use proptest::prelude::*;
 
 const RATES_HZ: [f64; 4] = [1000.0, 240.0, 60.0, 30.0];
@@ -52,7 +55,17 @@ impl Steps {
 
 fn row(time_s: f64, a: u32, b: u32, position_m: [f64; 3], force_n: f64) -> ContactRow {
     let push = Push::Force(force_n);
-    ContactRow { time_s, a, b, position_m, push, normal: None, normal_velocity_mps: None, line: 1 }
+    ContactRow {
+        time_s,
+        a,
+        b,
+        position_m,
+        push,
+        normal: None,
+        normal_velocity_mps: None,
+        sliding_mps: None,
+        line: 1,
+    }
 }
 
 fn blows(rate_hz: f64, rows: &[ContactRow]) -> Result<Vec<Blow>> {
@@ -366,6 +379,7 @@ fn contacts(path: std::path::PathBuf, up: UpAxis) -> Contacts {
             push: Push::Force(text("Fn")),
             normal: Some(["nx", "ny", "nz"].map(text)),
             normal_velocity: Some(text("vrel_n")),
+            sliding_velocity: Vec::new(),
             up,
             unit_m: 1.0,
             time_offset_s: 0.0,
@@ -379,7 +393,7 @@ fn log_events(text: &str, step_s: Option<f64>) -> Result<Vec<Event>> {
     let folder = tempfile::tempdir().map_err(fail)?;
     let path = folder.path().join("log.csv");
     std::fs::write(&path, text).map_err(fail)?;
-    LogImpacts::open(&Contacts { step_s, ..contacts(path, UpAxis::Y) })?.collect()
+    LogEvents::open(&Contacts { step_s, ..contacts(path, UpAxis::Y) })?.collect()
 }
 
 #[test]
@@ -389,7 +403,7 @@ fn events_name_bodies_in_order_and_the_lines_that_told_of_them() -> Result<()> {
         "{header}1.000,\"zinc, \"\"old\"\"\",Würfel [1],0,0,0,200,0,1,0,-3\n1.001,x,y,0,0,0,9,0,1,0,0\n"
     );
     let events = log_events(&text, Some(0.001))?;
-    let Event::Impact(impact) = &events[0];
+    let Event::Impact(impact) = &events[0] else { panic!() };
     assert_eq!((impact.a.as_str(), impact.b.as_str()), ("Würfel [1]", "zinc, \"old\""));
     assert_eq!(impact.normal, Some([0.0, -1.0, 0.0]));
     assert_eq!((impact.cause.first_line, impact.cause.last_line), (2, 2));
@@ -441,10 +455,16 @@ fn velocities(data: &std::path::Path) -> Result<Vec<(f64, String, [f64; 3])>> {
 fn the_impacts_of_a_simulated_scene_are_those_of_its_poses() -> Result<()> {
     let Some(data) = data() else { return Ok(()) };
     let path = data.join("contacts/pybullet_mixed_1kHz_contacts.csv.gz");
-    let log = LogImpacts::open(&contacts(path, UpAxis::Z))?;
+    let log = LogEvents::open(&contacts(path, UpAxis::Z))?;
     assert!((log.settings().step.typical_s() - 0.001).abs() < 1e-6);
-    let impacts: Vec<Impact> =
-        log.map(|event| event.map(|Event::Impact(impact)| impact)).collect::<Result<_>>()?;
+    let impacts: Vec<Impact> = log
+        .map(|event| {
+            event.map(|event| match event {
+                Event::Impact(impact) => impact,
+                Event::Slide(slide) => panic!("{slide:?}"),
+            })
+        })
+        .collect::<Result<_>>()?;
     for impact in &impacts {
         println!("{:.4} s {} on {}: {:.4} N s", impact.time_s, impact.a, impact.b, impact.impulse_ns);
     }

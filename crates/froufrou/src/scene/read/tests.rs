@@ -1,4 +1,6 @@
+use super::super::file::{Played, StartKey, Timing};
 use super::*;
+use crate::score::Repeat;
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -66,7 +68,8 @@ fn the_example_of_the_reference_reads_as_it_says() -> Result<()> {
     assert_eq!(scene.microphones[0].local_facing, [-1.0, 0.0, 0.0]);
     assert_eq!(scene.microphones[1].local_offset_m, [0.09, 0.0, 0.0]);
     let Some(impact) = &scene.materials[0].impact else { panic!("no impact") };
-    let hits: Vec<&str> = impact.recordings.iter().map(|a| a.name.as_str()).collect();
+    let Played::Recordings { recordings, .. } = &impact.played else { panic!() };
+    let hits: Vec<&str> = recordings.iter().map(|a| a.name.as_str()).collect();
     assert_eq!(hits, ["hits/a.wav", "hits/b.wav"]);
     assert_eq!((impact.reference_impulse_ns, impact.floor_impulse_ns, impact.retrigger_s), (0.5, 0.01, 0.03));
     assert_eq!(scene.objects[0].material, Some(0));
@@ -75,7 +78,8 @@ fn the_example_of_the_reference_reads_as_it_says() -> Result<()> {
     assert_eq!((source.file.name.as_str(), source.object.text()), ("tower.abc", "/Ball"));
     let Some(Motion::Track(track)) = &scene.objects[1].motion else { panic!("no track") };
     assert_eq!(track.position_m(2.15), [0.0, 0.0, 12.0]);
-    assert_eq!((scene.sounds[0].emitter, scene.sounds[0].repeat), (Emitter::Object(1), Repeat::Loop));
+    assert_eq!(scene.sounds[0].emitter, Emitter::Object(1));
+    assert!(matches!(scene.sounds[0].played, Played::Recordings { repeat: Repeat::Loop, .. }));
     assert_eq!(scene.sounds[0].timing, Timing::Span { from_s: 0.0, to_s: None });
     let Timing::Starts(starts) = &scene.sounds[1].timing else { panic!("no starts") };
     assert_eq!(starts[0], StartKey { time_s: 0.5, gain_db: 0.0, speed: 1.0 });
@@ -149,7 +153,7 @@ fn no_key_is_read_and_ignored() -> Result<()> {
                 "reference_distance = 2",
             ],
         ),
-        (log, &["normal = ['a', 'b', 'c']", "normal_velocity = 'v'"]),
+        (log, &["normal = ['a', 'b', 'c']", "normal_velocity = 'v'", "sliding_velocity = ['v', 'w']"]),
         (step, &["step = 0.01", "up = 'z'", "unit = 2", "time_offset = 1"]),
     ];
     for (base, keys) in cases {
