@@ -3,4 +3,5 @@
 pub mod directivity;
 pub mod microphone;
 pub mod propagation;
+pub mod surroundings;
 mod track;
