@@ -99,6 +99,32 @@ pub struct Material {
     pub slide: Option<SlideSound>,
     /// What it sounds like when it moves through the air.
     pub air: Option<AirSound>,
+    /// What it does to the sound of others.
+    pub acoustics: Acoustics,
+}
+
+/// What a material does to sound that meets it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Acoustics {
+    /// How it reflects, if it does.
+    pub reflect: Option<Reflect>,
+    /// The part of the pressure that is left behind it, if it hides sound.
+    pub transmission: Option<f64>,
+}
+
+/// How a material reflects sound.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reflect {
+    /// The part of the energy that is not reflected, 0 to 1.
+    pub absorption: f64,
+    /// The part of the reflected energy that goes evenly to all sides, 0 to 1.
+    pub diffuse: f64,
+    /// The sharpness of the lobe in which the rest goes.
+    pub sharpness: f64,
+    /// Paths at most by way of each object of the material.
+    pub paths: usize,
+    /// Whether both sides reflect; `None`: as its shape asks for.
+    pub both_sides: Option<bool>,
 }
 
 /// A sound that is synthesised.
@@ -204,12 +230,23 @@ pub struct Object {
     pub motion: Option<Motion>,
     /// Where it is a swarm about what carries it: each of its members is a body.
     pub swarm: Option<Swarm>,
+    /// Its shape where it has no mesh, as far as it reflects and hides sound.
+    pub size: Option<Size>,
     /// The point that sounds come from.
     pub point: Point,
     /// Index into [`Scene::materials`].
     pub material: Option<usize>,
     /// Which bodies of the contact logs it is.
     pub body: NamePattern,
+}
+
+/// A simple shape about the origin of the local frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Size {
+    /// An upright rectangle that faces −Z: metres along X and Y.
+    Rectangle([f64; 2]),
+    /// A box: metres along X, Y and Z.
+    Box([f64; 3]),
 }
 
 /// Many small things that fly about a place.

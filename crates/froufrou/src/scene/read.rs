@@ -8,7 +8,7 @@ use crate::{Error, Place, Result};
 
 use super::asset::{Folder, NamePattern};
 use super::contact_log::{ContactColumns, Push, UpAxis};
-use super::file::{Contacts, Emitter, Microphone, Motion, Object, Point, Scene, Source, Swarm, Wind};
+use super::file::{Contacts, Emitter, Microphone, Motion, Object, Point, Scene, Size, Source, Swarm, Wind};
 use super::listener::{CARDIOID, Layout, Listener, OMNI};
 use super::toml::{Document, Node, Table, nearest};
 use super::track::{Interpolation, Track, TrackKey};
@@ -49,6 +49,7 @@ const OBJECT: Keys = &[
     "interpolation",
     "time_offset",
     "swarm",
+    "size",
     "offset",
     "point",
     "material",
@@ -87,6 +88,8 @@ pub(crate) const ALL_KEYS: &[(&str, Keys)] = &[
     ("`impact` of a material", sounds::IMPACT),
     ("`slide` of a material", sounds::SLIDE),
     ("`air` of a material", sounds::AIR),
+    ("`reflect` of a material", sounds::REFLECT),
+    ("`occlude` of a material", sounds::OCCLUDE),
     ("`[[object]]`", OBJECT),
     ("A key of an object's `track`", OBJECT_KEY),
     ("`point` of an object", POINT),
@@ -94,6 +97,7 @@ pub(crate) const ALL_KEYS: &[(&str, Keys)] = &[
     ("`sound` of an object", sounds::OBJECT_SOUND),
     ("`[[sound]]`", sounds::SOUND),
     ("`[[ambient]]`", sounds::AMBIENT),
+    ("Patterns", sounds::PATTERN),
     ("A key of `at`", sounds::START),
     ("A key of `at` of an instrument", sounds::STRIKE),
     ("`[[contacts]]`", CONTACTS),
@@ -381,6 +385,19 @@ fn wind(node: &Node<'_, '_>) -> Result<Wind> {
     })
 }
 
+/// Two lengths make a rectangle, three a box.
+fn size(node: &Node<'_, '_>) -> Result<Size> {
+    let what = "[width, height] or [x, y, z] in metres";
+    let lengths = node.list(what)?;
+    let lengths: Vec<f64> =
+        lengths.iter().map(|node| node.within("a number of metres", 1e-4, 1e6)).collect::<Result<_>>()?;
+    match lengths[..] {
+        [width, height] => Ok(Size::Rectangle([width, height])),
+        [x, y, z] => Ok(Size::Box([x, y, z])),
+        _ => Err(node.expected(what)),
+    }
+}
+
 fn swarm(node: &Node<'_, '_>, folder: &Folder) -> Result<Swarm> {
     let table = node.table(SWARM)?;
     table.at_most_one(&["script", "radius"])?;
@@ -504,11 +521,12 @@ fn object(table: &Table<'_, '_>, materials: &HashMap<&str, usize>, folder: &Fold
         Some(node) => with_place(&node, NamePattern::new(&node.text("the name of a body")?))?,
         None => NamePattern::literal(&name),
     };
+    let size = table.get("size").map(|node| size(&node)).transpose()?;
     let swarm = table.get("swarm").map(|node| swarm(&node, folder)).transpose()?;
     if swarm.is_some() && motion.is_none() {
         return Err(table.error("a swarm needs a middle: `source`, `position` or `track`"));
     }
-    Ok(Object { name, motion, swarm, point, material, body })
+    Ok(Object { name, motion, swarm, size, point, material, body })
 }
 
 fn emitter(table: &Table<'_, '_>, objects: &[Object], names: &HashMap<String, usize>) -> Result<Emitter> {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use super::alembic::Alembic;
-use super::animation::{Animation, KeyTimes, Mesh, ObjectKind, Transform};
+use super::animation::{Animation, KeyTimes, Mesh, ObjectKind, Topology, Transform};
 use super::file::{Microphone, Motion, Point, Scene, Source, Swarm};
 use super::track::{Interpolation, Track};
 use super::wander::Wander;
@@ -161,6 +161,38 @@ impl Carrier {
             Ok(position)
         } else {
             Err(self.fault(format!("is at no finite position at {time_s} s")))
+        }
+    }
+
+    /// How its mesh changes; [`Topology::None`] where it has none.
+    pub fn topology(&self) -> Topology {
+        match &self.way {
+            Way::Track(_) | Way::Member { .. } => Topology::None,
+            Way::Animated { animation, object, .. } => {
+                animation.objects().get(*object).map_or(Topology::None, |o| o.topology)
+            }
+        }
+    }
+
+    /// Its mesh at a time of the soundtrack, in world space, into a buffer that is reused between calls.
+    ///
+    /// # Errors
+    /// No mesh, or a sample that cannot be read.
+    pub fn mesh(&self, time_s: f64, mesh: &mut Mesh) -> Result<()> {
+        match &self.way {
+            Way::Track(_) | Way::Member { .. } => Err(self.fault("has no mesh".to_owned())),
+            Way::Animated { animation, object, .. } => animation.mesh(*object, time_s + self.origin_s, mesh),
+        }
+    }
+
+    /// The path of the object in its file; `track` for a hand-set track.
+    pub fn name(&self) -> String {
+        match &self.way {
+            Way::Track(_) => "track".to_owned(),
+            Way::Member { middle, .. } => format!("{} of a swarm", middle.name()),
+            Way::Animated { animation, object, .. } => {
+                animation.objects().get(*object).map_or_else(String::new, |o| o.path.clone())
+            }
         }
     }
 

@@ -5,17 +5,20 @@ use std::collections::HashSet;
 
 use super::super::asset::{Asset, Folder};
 use super::super::file::{
-    AirSound, Emitter, ImpactSound, Instrument, Material, Played, Scene, SceneSound, SetKey, SlideSound,
-    StartKey, Timing,
+    Acoustics, AirSound, Emitter, ImpactSound, Instrument, Material, Played, Reflect, Scene, SceneSound,
+    SetKey, SlideSound, StartKey, Timing,
 };
 use super::super::toml::{Node, Table};
 use super::{Keys, one_or_many, unknown, with_place};
 use crate::Result;
 use crate::score::{Blow, Make, Mode, Repeat};
+use crate::space::directivity::Directivity;
 
 pub(super) const INSTRUMENT: Keys = &["kind", "table", "modes", "script", "with"];
 pub(super) const MODE: Keys = &["frequency", "decay", "gain", "points"];
-pub(super) const MATERIAL: Keys = &["impact", "slide", "air"];
+pub(super) const MATERIAL: Keys = &["impact", "slide", "air", "reflect", "occlude"];
+pub(super) const REFLECT: Keys = &["absorption", "diffuse", "sharpness", "paths", "sides"];
+pub(super) const OCCLUDE: Keys = &["transmission_db"];
 pub(super) const IMPACT: Keys = &[
     "recordings",
     "instrument",
@@ -88,6 +91,7 @@ pub(super) const AMBIENT: Keys = &[
     "fade_in",
     "fade_out",
 ];
+pub(super) const PATTERN: Keys = &["lobe"];
 pub(super) const START: Keys = &["t", "gain_db", "speed"];
 pub(super) const STRIKE: Keys = &["t", "impulse", "place", "contact"];
 
@@ -250,7 +254,46 @@ pub(super) fn material(
             .transpose()?,
         slide: table.get("slide").map(|node| slide(&node.table(SLIDE)?, instruments, folder)).transpose()?,
         air: table.get("air").map(|node| air_sound(&node.table(AIR)?, instruments)).transpose()?,
+        acoustics: Acoustics {
+            reflect: table.get("reflect").map(|node| reflect(&node)).transpose()?.flatten(),
+            transmission: table.get("occlude").map(|node| occlude(&node)).transpose()?.flatten(),
+        },
     })
+}
+
+/// `true`, or a table; nothing for `false`.
+fn flag_or_table<'d, 't>(node: &Node<'d, 't>, keys: Keys) -> Result<Option<Option<Table<'d, 't>>>> {
+    match node.as_flag() {
+        Some(true) => Ok(Some(None)),
+        Some(false) => Ok(None),
+        None if node.is_table() => Ok(Some(Some(node.table(keys)?))),
+        None => Err(node.expected("true or a table")),
+    }
+}
+
+fn reflect(node: &Node<'_, '_>) -> Result<Option<Reflect>> {
+    let Some(table) = flag_or_table(node, REFLECT)? else { return Ok(None) };
+    let part = |key: &str, default: f64, least: f64, most: f64| {
+        let node = table.as_ref().and_then(|table| table.get(key));
+        node.map_or(Ok(default), |node| node.within("a number", least, most))
+    };
+    let get = |key: &str| table.as_ref().and_then(|table| table.get(key));
+    let paths = get("paths").map_or(Ok(4), |node| node.whole("paths", 1, 64))?;
+    let sides = get("sides").map_or(Ok(0), |node| node.choice(&["auto", "front", "both"]))?;
+    Ok(Some(Reflect {
+        absorption: part("absorption", 0.1, 0.0, 1.0)?,
+        diffuse: part("diffuse", 0.5, 0.0, 1.0)?,
+        sharpness: part("sharpness", 10.0, 1.0, 1e6)?,
+        paths: paths as usize,
+        both_sides: [None, Some(false), Some(true)][sides],
+    }))
+}
+
+fn occlude(node: &Node<'_, '_>) -> Result<Option<f64>> {
+    let Some(table) = flag_or_table(node, OCCLUDE)? else { return Ok(None) };
+    let node = table.as_ref().and_then(|table| table.get("transmission_db"));
+    let db = node.map_or(Ok(-20.0), |node| node.within("decibels", -200.0, 0.0))?;
+    Ok(Some(10f64.powf(db / 20.0)))
 }
 
 fn impact(table: &Table<'_, '_>, instruments: &[Instrument], folder: &Folder) -> Result<ImpactSound> {
@@ -414,9 +457,19 @@ fn recorded(table: &Table<'_, '_>, folder: &Folder) -> Result<Played> {
     Ok(Played::Recordings { recordings, repeat, channel: channel.map(|channel| channel as usize) })
 }
 
-/// How a sound radiates: its spherical harmonics.
+/// How a sound radiates: a name, the sharpness of a lobe, or its spherical harmonics.
 fn pattern(node: &Node<'_, '_>) -> Result<Vec<f64>> {
-    let what = "1, 4, 9 or 16 spherical harmonics";
+    let what = "a name, { lobe = … }, or 1, 4, 9 or 16 spherical harmonics";
+    if node.is_text() {
+        let known = [Directivity::OMNI, Directivity::CARDIOID, Directivity::DIPOLE];
+        let choice = node.choice(&["omni", "cardioid", "dipole"])?;
+        return Ok(known[choice].coefficients[..4].to_vec());
+    }
+    if node.is_table() {
+        let sharpness = node.table(PATTERN)?.required("lobe", "the sharpness of a lobe")?;
+        let lobe = Directivity::lobe(sharpness.within("a number", 0.0, 1000.0)?);
+        return Ok(lobe.coefficients.to_vec());
+    }
     let list = node.list(what)?;
     if !matches!(list.len(), 1 | 4 | 9 | 16) {
         return Err(node.expected(what));
