@@ -20,6 +20,7 @@ use crate::score::{
     AnyReader, AnySpace, ChannelHeader, ChannelLine, ChannelSpace, ObjectHeader, ObjectLine, ObjectSpace,
 };
 use crate::space::propagation::{Propagation, channel_header};
+use crate::space::tracing::Tracing;
 use crate::synth::mixer::Sounding;
 use crate::synth::prototypes::{self, Soundings};
 use crate::{Error, Result};
@@ -82,7 +83,8 @@ impl Production {
     /// # Errors
     /// As [`Production::object_lines`].
     pub fn channel_lines(&self) -> Result<ChannelLines<'_>> {
-        Ok(Box::new(Propagation::new(&self.header, self.object_lines()?)))
+        let tracing = Tracing::of(&self.scene, &self.world)?;
+        Ok(Box::new(Propagation::new(&self.header, self.object_lines()?).among(tracing)))
     }
 
     /// The header of its score in channel space.
@@ -158,7 +160,15 @@ pub fn open_score(path: &Path) -> Result<(ChannelHeader, Soundings, ChannelLines
             let lines = Ending::<ObjectSpace, _>::new(reader.by_time()?, lengths, header.duration_s);
             let path = path.to_owned();
             let lines = lines.map(move |line: Result<ObjectLine>| line.map_err(|fault| fault.in_file(&path)));
-            let lines = Propagation::new(&header, lines);
+            let tracing = match &header.surroundings {
+                // A score may name any file, as it may any recording.
+                Some(scene) => {
+                    let scene = Scene::open(folder.join(scene), true)?;
+                    Tracing::of(&scene, &World::open(&scene)?)?
+                }
+                None => None,
+            };
+            let lines = Propagation::new(&header, lines).among(tracing);
             Ok((channel_header(&header), prototypes, Box::new(lines)))
         }
         AnySpace::Channel(reader) => {

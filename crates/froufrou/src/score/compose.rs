@@ -19,7 +19,9 @@ use super::{
 use crate::motion::contacts::LogEvents;
 use crate::motion::event::{Event, Impact, Slide};
 use crate::random::Random;
-use crate::scene::file::{Emitter, ImpactSound, Played, Scene, SceneSound, SlideSound, StartKey, Timing};
+use crate::scene::file::{
+    Acoustics, Emitter, ImpactSound, Material, Played, Scene, SceneSound, SlideSound, StartKey, Timing,
+};
 use crate::scene::world::{Carrier, World};
 use crate::{Error, Result};
 
@@ -60,9 +62,17 @@ pub fn header(scene: &Scene, world: &World) -> Result<ObjectHeader> {
         duration_s: scene.duration_s,
         seed: scene.seed,
         patterns,
+        surroundings: surroundings(scene),
         sounds: palette::sounds(scene),
         ..Header::new(Order::Time, receivers)
     })
+}
+
+/// The scene itself, where its bodies reflect or hide sound.
+fn surroundings(scene: &Scene) -> Option<String> {
+    let name = scene.file.file_name()?.to_string_lossy();
+    let acts = |material: &Material| material.acoustics != Acoustics::default();
+    scene.materials.iter().any(acts).then(|| name.into_owned())
 }
 
 /// What has to be known of a sound to say when it starts and ends.

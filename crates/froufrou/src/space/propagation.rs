@@ -5,13 +5,20 @@
 //! not modelled, it follows from the changing delay. A microphone that moves is met where it is when
 //! the sound arrives, not when it leaves.
 //!
+//! Bodies in the surroundings hide a part of it and reflect it: by way of each of their patches goes a path of
+//! the thread of its own. Sources may radiate unevenly.
+//!
 //! Keys are set where the score has keys, and between them as densely as the geometry needs: a
-//! tenth of the time in which source and microphone would pass each other.
+//! tenth of the time in which source and microphone would pass each other; among surroundings also as
+//! densely as their edges ask for.
 
 use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque};
 
-use super::microphone::{NEAR_M, gain_and_distance, length};
+use super::directivity::{Directivity, HARMONICS};
+use super::microphone::{NEAR_M, directivity, gain_and_distance, length};
+use super::surroundings::{End, Paths};
+use super::tracing::Tracing;
 use super::track::Track;
 use crate::score::{
     Arrival, ChannelHeader, ChannelLine, Cue, LATEST_S, LONGEST_DELAY_S, Microphone, MicrophoneKey,
@@ -22,6 +29,13 @@ use crate::{Error, Result};
 
 /// Keys are this part of the time in which source and microphone would pass each other apart.
 const STEP: f64 = 0.1;
+
+/// Among surroundings nothing moves further than this between two keys, in metres: a small part of the width
+/// of a path, over which a shadow falls.
+const TRACED_M: f64 = 0.04;
+
+/// A path by way of a patch is silent below this gain.
+const SILENT: f64 = 1e-6;
 
 /// Keys are never closer than this, in seconds.
 const MIN_STEP_S: f64 = 0.0005;
@@ -52,6 +66,10 @@ pub fn channel_header(header: &ObjectHeader) -> ChannelHeader {
 /// time order. It reads just so far ahead as the smooth motion between keys asks for.
 pub struct Propagation<L> {
     inbox: Inbox<L>,
+    patterns: BTreeMap<String, Directivity>,
+    tracing: Option<Tracing>,
+    /// Scratch memory.
+    paths: Paths,
     sources: BTreeMap<u64, Source>,
     /// When each thread has its next line to give, and each cue is passed on.
     due: BinaryHeap<Reverse<(Time, u64, Due)>>,
@@ -325,6 +343,12 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 struct Source {
     /// The microphone that it is all around, if it is.
     around: Option<usize>,
+    /// How it radiates, if not evenly, and how it is turned.
+    pattern: Option<(Directivity, Track<4>)>,
+    /// The thing of the surroundings that it belongs to.
+    thing: Option<u64>,
+    /// Which of its further paths are heard, by their number.
+    heard: BTreeSet<u32>,
     /// Its motion since the start or the last jump.
     track: Track<3>,
     /// Time and gain of the line last passed.
@@ -348,11 +372,24 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
                 cues: BTreeMap::new(),
                 begun: Vec::new(),
             },
+            patterns: header
+                .patterns
+                .iter()
+                .map(|pattern| (pattern.name.clone(), weights(&pattern.harmonics)))
+                .collect(),
+            tracing: None,
+            paths: Paths::default(),
             sources: BTreeMap::new(),
             due: BinaryHeap::new(),
             ready: VecDeque::new(),
             failed: false,
         }
+    }
+
+    /// The same among surroundings that reflect and hide.
+    #[must_use]
+    pub fn among(self, tracing: Option<Tracing>) -> Self {
+        Self { tracing, ..self }
     }
 
     fn step(&mut self) -> Result<Option<ChannelLine>> {
@@ -428,8 +465,16 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
             Whereabouts::At(position_m) => (position_m, None),
             Whereabouts::Around(ear) => ([0.0; 3], Some(ear)),
         };
+        let turn = line.value.turn;
         match &line.verb {
-            Verb::Start(_) => {
+            Verb::Start(start) => {
+                let pattern = match self.patterns.get(&start.pattern) {
+                    Some(&pattern) if around.is_none() => {
+                        Some((pattern, Track::new(time_s, turn.map_or(UNTURNED, unit))))
+                    }
+                    _ => None,
+                };
+                let thing = self.tracing.as_ref().and_then(|tracing| tracing.thing(&start.object));
                 let mut takes = Vec::with_capacity(self.inbox.ears.len());
                 for ear in (0..self.inbox.ears.len()).filter(|_| around.is_none()) {
                     let mut take = self.inbox.ears[ear].first_take;
@@ -442,6 +487,9 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
                 }
                 let source = Source {
                     around,
+                    pattern,
+                    thing,
+                    heard: BTreeSet::new(),
                     track: Track::new(time_s, position_m),
                     passed: (time_s, gain),
                     takes,
@@ -455,6 +503,9 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
                 self.give(id, time_s, Verb::Key, held)?;
                 if let Some(source) = self.sources.get_mut(&id) {
                     source.track = Track::new(time_s, position_m);
+                    if let (Some((_, turned)), Some(turn)) = (&mut source.pattern, turn) {
+                        *turned = Track::new(time_s, unit(turn));
+                    }
                 }
             }
             // Object space has no paths: a reader refuses them.
@@ -464,6 +515,7 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
         source.passed = (time_s, gain);
         source.track.push(time_s, position_m);
         source.track.forget(time_s);
+        source.turn(time_s, turn);
         // The keys that the motion to the next line depends on: that line and the one behind it.
         for ahead in 0..2 {
             match self.inbox.ahead(id, ahead)? {
@@ -471,6 +523,7 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
                     if let Whereabouts::At(position_m) = value.whereabouts {
                         source.track.push(*time_s, position_m);
                     }
+                    source.turn(*time_s, value.turn);
                 }
                 _ => break,
             }
@@ -512,6 +565,18 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
             step_s = step_s.min((STEP * apart_m / distance(velocity, ear_velocity)).max(MIN_STEP_S));
             let ear = &self.inbox.ears[ear];
             if let Some(key_s) = ear.take(take).filter(|_| ear.moves).and_then(|track| track.next_s(time_s)) {
+                bound_s = bound_s.min(key_s.max(time_s + MIN_STEP_S));
+            }
+        }
+        if let Some(tracing) = self.tracing.as_mut().filter(|_| source.around.is_none()) {
+            let bodies_mps = tracing.surroundings.speed_mps(time_s)?;
+            let mut speed_mps = length(velocity) + bodies_mps;
+            for (ear, &take) in source.takes.iter().enumerate() {
+                speed_mps = speed_mps
+                    .max(length(velocity) + bodies_mps + length(self.inbox.pose(ear, take, time_s)?.1));
+            }
+            step_s = step_s.min((TRACED_M / speed_mps).max(MIN_STEP_S));
+            if let Some(key_s) = tracing.surroundings.next_key_s(time_s) {
                 bound_s = bound_s.min(key_s.max(time_s + MIN_STEP_S));
             }
         }
@@ -561,20 +626,116 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
         Ok(())
     }
 
+    /// Gives a line of a thread, and of its further paths.
     fn give(&mut self, id: u64, time_s: f64, verb: Verb, gain: f64) -> Result<()> {
-        let Some(source) = self.sources.get(&id) else { return Ok(()) };
-        let position = source.track.at(time_s).0;
-        let mut value = Vec::with_capacity(self.inbox.ears.len());
+        let Self { inbox, tracing, paths, sources, ready, .. } = self;
+        let Some(source) = sources.get_mut(&id) else { return Ok(()) };
+        let ears = inbox.ears.len();
+        let line =
+            |path, verb, value| ChannelLine::Thread(Statement { thread: id, path, time_s, verb, value });
         if let Some(around) = source.around {
             let heard = |ear| if ear == around { gain } else { 0.0 };
-            value.extend((0..self.inbox.ears.len()).map(|ear| Arrival { gain: heard(ear), delay_s: 0.0 }));
+            let value = (0..ears).map(|ear| Arrival { gain: heard(ear), delay_s: 0.0 }).collect();
+            ready.push_back(line(0, verb, value));
+            return Ok(());
         }
+        let position_m = source.track.at(time_s).0;
+        let radiated = source.radiation(time_s);
+        let mut direct = Vec::with_capacity(ears);
+        // One value an ear, for every patch.
+        let mut bounced: Vec<Vec<Arrival>> = Vec::new();
         for (ear, &take) in source.takes.iter().enumerate() {
-            let arrival = self.inbox.arrival(ear, take, position, time_s)?;
-            value.push(Arrival { gain: arrival.gain * gain, ..arrival });
+            let mut arrival = inbox.arrival(ear, take, position_m, time_s)?;
+            let (pose, _) = inbox.pose(ear, take, time_s + arrival.delay_s)?;
+            let toward = |m: [f64; 3]| radiated(std::array::from_fn(|i| m[i] - position_m[i]));
+            if let Some(tracing) = tracing {
+                let from = End { position_m, thing: source.thing };
+                let to = End { position_m: pose.position_m, thing: None };
+                tracing.surroundings.paths(time_s, from, to, paths)?;
+                bounced.resize_with(paths.bounces.len(), || Vec::with_capacity(ears));
+                for (bounce, values) in paths.bounces.iter().zip(&mut bounced) {
+                    // A microphone that moves is met a little later by way of a patch.
+                    let (late, _) = inbox.pose(ear, take, time_s + inbox.delay_s(bounce.length_m))?;
+                    let apart = |m: [f64; 3]| distance(m, bounce.point_m);
+                    let length_m = bounce.length_m + apart(late.position_m) - apart(pose.position_m);
+                    let heard = hears(inbox.ears[ear].shape, &late, bounce.point_m);
+                    values.push(Arrival {
+                        gain: bounce.gain * heard * toward(bounce.point_m) * gain,
+                        delay_s: inbox.delay_s(length_m.max(0.0)),
+                    });
+                }
+                arrival.gain *= paths.direct;
+            }
+            arrival.gain *= gain * toward(pose.position_m);
+            direct.push(arrival);
         }
-        self.ready.push_back(ChannelLine::Thread(Statement { thread: id, path: 0, time_s, verb, value }));
+        ready.push_back(line(0, verb.clone(), direct));
+        for (number, value) in bounced.into_iter().enumerate() {
+            let path = number as u32 + 1;
+            let sounds = value.iter().any(|arrival| arrival.gain > SILENT);
+            let begun = source.heard.contains(&path);
+            let verb = match (&verb, begun, sounds) {
+                (_, false, false) | (Verb::End, false, _) => continue,
+                (_, false, true) => Verb::Path,
+                (Verb::End, true, _) | (_, true, false) => Verb::End,
+                (verb, true, true) => verb.clone(),
+            };
+            if verb == Verb::End {
+                source.heard.remove(&path);
+            } else {
+                source.heard.insert(path);
+            }
+            ready.push_back(line(path, verb, value));
+        }
         Ok(())
+    }
+}
+
+/// The gain of a microphone for what comes from a place, distance left out.
+fn hears(shape: MicrophoneShape, microphone: &Pose, from_m: [f64; 3]) -> f64 {
+    let toward: [f64; 3] = std::array::from_fn(|i| from_m[i] - microphone.position_m[i]);
+    let reach = length(toward).max(NEAR_M) * length(microphone.facing);
+    let along: f64 = (0..3).map(|i| toward[i] * microphone.facing[i]).sum();
+    directivity(shape, if reach > 0.0 { along / reach } else { 0.0 })
+}
+
+/// A source that is not turned.
+const UNTURNED: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
+
+/// A turn of length 1.
+fn unit(turn: [f64; 4]) -> [f64; 4] {
+    let length = turn.iter().map(|part| part * part).sum::<f64>().sqrt();
+    turn.map(|part| part / length)
+}
+
+/// The weights of a pattern; what it leaves out is 0.
+fn weights(harmonics: &[f64]) -> Directivity {
+    let mut coefficients = [0.0; HARMONICS];
+    coefficients.iter_mut().zip(harmonics).for_each(|(weight, harmonic)| *weight = *harmonic);
+    Directivity { coefficients }
+}
+
+impl Source {
+    /// Takes in how it is turned, by the shorter way from how it was before.
+    fn turn(&mut self, time_s: f64, turn: Option<[f64; 4]>) {
+        let (Some((_, turned)), Some(turn)) = (&mut self.pattern, turn.map(unit)) else { return };
+        let before = turned.last();
+        let same: f64 = before.iter().zip(turn).map(|(a, b)| a * b).sum();
+        turned.push(time_s, if same < 0.0 { turn.map(|part| -part) } else { turn });
+        turned.forget(self.passed.0);
+    }
+
+    /// Its gain towards what lies in a direction, in metres from it.
+    fn radiation(&self, time_s: f64) -> impl Fn([f64; 3]) -> f64 + use<> {
+        let pattern = self.pattern.as_ref().map(|(pattern, turned)| {
+            let [x, y, z, w] = unit(turned.at(time_s).0);
+            let columns = glam::DMat3::from_quat(glam::DQuat::from_xyzw(x, y, z, w)).to_cols_array_2d();
+            let mut frame = [[0.0; 4]; 4];
+            (0..3).for_each(|row| (0..3).for_each(|column| frame[row][column] = columns[column][row]));
+            frame[3][3] = 1.0;
+            (*pattern, frame)
+        });
+        move |toward_m| pattern.as_ref().map_or(1.0, |(pattern, frame)| pattern.gain(frame, toward_m))
     }
 }
 

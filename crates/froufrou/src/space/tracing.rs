@@ -21,25 +21,12 @@ pub struct Tracing {
 const WIDTH_HZ: f64 = 500.0;
 
 impl Tracing {
-    /// Whether a scene has anything that reflects or hides.
-    pub fn is_needed(scene: &Scene) -> bool {
-        let of = |material: Option<usize>| scene.materials.get(material?).map(|material| material.acoustics);
-        scene
-            .objects
-            .iter()
-            .filter_map(|object| of(object.material))
-            .any(|acoustics| acoustics != Default::default())
-    }
-
     /// The surroundings of a scene; nothing for one without.
     ///
     /// # Errors
     /// An object that is to reflect or hide and has neither a mesh nor a size, or whose mesh cannot be
     /// read.
     pub fn of(scene: &Scene, world: &World) -> Result<Option<Self>> {
-        if !Self::is_needed(scene) {
-            return Ok(None);
-        }
         let mut bodies = Vec::new();
         let mut things = HashMap::new();
         for (object, carried) in scene.objects.iter().zip(&world.objects) {
@@ -85,6 +72,9 @@ impl Tracing {
                     thing: Some(thing),
                 });
             }
+        }
+        if bodies.is_empty() {
+            return Ok(None);
         }
         let settings = Settings { wavelength_m: scene.speed_of_sound_mps / WIDTH_HZ, ..Settings::default() };
         let surroundings = Surroundings::new(settings, bodies).map_err(|fault| fault.in_file(&scene.file))?;

@@ -39,6 +39,11 @@ impl<const N: usize> Track<N> {
         self.keys[self.keys.len() - 1].0
     }
 
+    /// Value of the last key known so far.
+    pub fn last(&self) -> [f64; N] {
+        self.keys[self.keys.len() - 1].1
+    }
+
     /// True where the value up to `time_s` no longer depends on keys to come: the cubic needs the
     /// key behind the segment that holds it.
     pub fn is_known(&self, time_s: f64) -> bool {
