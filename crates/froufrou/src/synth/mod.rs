@@ -1,9 +1,14 @@
 //! What the signal is: threads in, samples out, block by block.
 
+mod gate;
 pub mod instrument;
 pub mod mixer;
+pub mod modal;
+pub mod needle;
 pub mod path;
 pub mod prototypes;
 pub mod sinc;
 mod source;
+pub mod stick_slip;
+pub mod turbulence;
 pub mod voice;

@@ -106,11 +106,12 @@ fn transition(half_width: usize) -> f64 {
     (attenuation_db - 7.95) / (14.36 * (2 * half_width) as f64)
 }
 
-fn sinc(x: f64) -> f64 {
+pub(super) fn sinc(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { (std::f64::consts::PI * x).sin() / (std::f64::consts::PI * x) }
 }
 
-fn kaiser(x: f64) -> f64 {
+/// The window of every filter of this crate, from −1 to 1.
+pub(super) fn kaiser(x: f64) -> f64 {
     let inside = 1.0 - x * x;
     if inside <= 0.0 { 0.0 } else { bessel_i0(KAISER_BETA * inside.sqrt()) / bessel_i0(KAISER_BETA) }
 }
