@@ -153,17 +153,17 @@ mod tests {
                 let angle = std::f64::consts::TAU * f64::from(step) / 8.0;
                 let r = (1.0 - z * z).sqrt();
                 let y = harmonics([r * angle.cos(), r * angle.sin(), z]);
-                for i in 0..HARMONICS {
-                    for j in 0..HARMONICS {
-                        gram[i][j] += 0.5 * weight / 8.0 * y[i] * y[j];
+                for (row, a) in gram.iter_mut().zip(y) {
+                    for (sum, b) in row.iter_mut().zip(y) {
+                        *sum += 0.5 * weight / 8.0 * a * b;
                     }
                 }
             }
         }
-        for i in 0..HARMONICS {
-            for j in 0..HARMONICS {
+        for (i, row) in gram.iter().enumerate() {
+            for (j, found) in row.iter().enumerate() {
                 let expected = if i == j { 1.0 / (2 * ORDERS[i] + 1) as f64 } else { 0.0 };
-                assert!((gram[i][j] - expected).abs() < 1e-12, "{i} {j} {}", gram[i][j]);
+                assert!((found - expected).abs() < 1e-12, "{i} {j} {found}");
             }
         }
     }

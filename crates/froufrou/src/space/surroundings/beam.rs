@@ -19,9 +19,9 @@ pub(crate) const ANGLES: usize = 64;
 /// the front and the back of a body at its edge, their parts add up to the ring at most.
 const RINGS: usize = 16;
 
-/// Boxes of a tree smaller than this part of the path's radius are taken whole, as a disc. It bounds the cost
-/// of a mesh however fine it is.
-const FINE: f64 = 1.0 / 40.0;
+/// Boxes of a tree smaller than this part of the path's radius are taken whole, as a disc of somewhat more
+/// than their area. It bounds the cost of a mesh however fine it is.
+const FINE: f64 = 1.0 / 20.0;
 
 /// The path is taken to end this part of its length before source and microphone.
 const END: f64 = 1e-6;
@@ -38,8 +38,6 @@ pub(crate) struct Beam {
     begin: DVec3,
     /// World to beam: along the path from 0 to 1, and across it in units of the diameter in the middle.
     into: DMat3,
-    /// Diameter in the middle, in metres.
-    width_m: f64,
     spokes: [(f64, f64); ANGLES],
 }
 
@@ -58,7 +56,6 @@ impl Beam {
             folded: false,
             begin: DVec3::ZERO,
             into: DMat3::IDENTITY,
-            width_m: 0.0,
             spokes,
         }
     }
@@ -74,19 +71,14 @@ impl Beam {
         }
         let axis = along / length;
         let (right, up) = axis.any_orthonormal_pair();
-        self.width_m = (wavelength_m * length).sqrt();
+        let width_m = (wavelength_m * length).sqrt();
         self.begin = from;
-        self.into = DMat3::from_cols(axis / length, right / self.width_m, up / self.width_m).transpose();
+        self.into = DMat3::from_cols(axis / length, right / width_m, up / width_m).transpose();
         true
     }
 
-    /// The diameter in the middle, in metres.
-    pub fn width_m(&self) -> f64 {
-        self.width_m
-    }
-
     /// From a body's coordinates to those of the beam.
-    pub fn from_local(&self, to_world: &DAffine3) -> DAffine3 {
+    pub fn into_beam(&self, to_world: &DAffine3) -> DAffine3 {
         let matrix = self.into * to_world.matrix3;
         DAffine3 { matrix3: matrix, translation: self.into * (to_world.translation - self.begin) }
     }
@@ -101,7 +93,9 @@ impl Beam {
         let m = &from_local.matrix3;
         let reach = m.x_axis.abs() * half.x + m.y_axis.abs() * half.y + m.z_axis.abs() * half.z;
         let (first, last) = ((centre.x - reach.x).max(0.0), (centre.x + reach.x).min(1.0));
-        if !(first < last) {
+        // Said so that what is no number misses.
+        let within = first < last;
+        if !within {
             return Meeting::Misses;
         }
         let widest = 0.5f64.clamp(first, last);
@@ -113,7 +107,8 @@ impl Beam {
         let (radius, local) = (reach.y.hypot(reach.z), centre.x * (1.0 - centre.x));
         if room > 0.0 && reach.x < 0.1 * room && radius * radius < FINE * FINE * local {
             let scale = 1.0 / local.sqrt();
-            return Meeting::Fine { y: centre.y * scale, z: centre.z * scale, radius: radius * scale };
+            let disc = 1.2 * (reach.y * reach.z).sqrt();
+            return Meeting::Fine { y: centre.y * scale, z: centre.z * scale, radius: disc * scale };
         }
         Meeting::Crosses
     }
@@ -222,7 +217,8 @@ pub(crate) enum Meeting {
 /// The spokes that can meet a disc: the first and how many.
 fn spokes_over(y: f64, z: f64, radius: f64) -> (usize, usize) {
     let away = y.hypot(z);
-    if !(away > radius) {
+    let beside = away > radius;
+    if !beside {
         return (0, ANGLES);
     }
     let step = std::f64::consts::TAU / ANGLES as f64;
@@ -247,7 +243,8 @@ fn interval(a: (f64, f64), b: (f64, f64)) -> Option<(f64, f64)> {
             (true, true) => {}
         }
     }
-    if !(t0 < t1) {
+    let within = t0 < t1;
+    if !within {
         return None;
     }
     let squared = |t: f64| {
@@ -275,8 +272,7 @@ mod tests {
     fn gain(triangles: &[[DVec3; 3]]) -> f64 {
         let mut beam = Beam::new();
         assert!(beam.aim(DVec3::ZERO, DVec3::X * 4.0, 1.0));
-        assert!((beam.width_m() - 2.0).abs() < 1e-12);
-        let into = beam.from_local(&DAffine3::IDENTITY);
+        let into = beam.into_beam(&DAffine3::IDENTITY);
         for t in triangles {
             beam.cover_triangle(t.map(|c| into.transform_point3(c)));
         }
@@ -299,7 +295,7 @@ mod tests {
         let mut worst = 0.0f64;
         for x in [0.5, 2.0, 3.2f64] {
             let radius = 0.5 * (x * (4.0 - x)).sqrt();
-            for turn in [0.0, 0.3, 1.5707, 4.0] {
+            for turn in [0.0, 0.3, 1.5, 4.0] {
                 for step in -12..=12 {
                     let p = f64::from(step) / 10.0;
                     let q = p.clamp(-1.0, 1.0);

@@ -208,7 +208,7 @@ fn cover(beam: &mut Beam, form: &Form, to_world: &DAffine3, part: f64, but: Opti
     if part == 0.0 {
         return;
     }
-    let from_local = beam.from_local(to_world);
+    let from_local = beam.into_beam(to_world);
     form.tree.walk(
         beam,
         |beam, bounds, is_leaf| match beam.meet(&from_local, bounds) {
@@ -262,9 +262,9 @@ fn check(body: &Body) -> Result<()> {
             return Err(fault(body, format!("{name} is {value}; it must lie from 0 to 1")));
         }
     }
-    if !(m.sharpness > 0.0 && m.sharpness <= 1e6) {
+    if !(1.0..=1e6).contains(&m.sharpness) {
         let found = m.sharpness;
-        return Err(fault(body, format!("sharpness is {found}; it must be above 0 and at most 1e6")));
+        return Err(fault(body, format!("sharpness is {found}; it must lie from 1 to 1e6")));
     }
     Ok(())
 }

@@ -41,7 +41,7 @@ pub(crate) fn cluster(faces: &[Face], most: usize) -> (Vec<u16>, usize) {
                 worst = i;
             }
         }
-        if !(costs[worst] > FLAT * whole) {
+        if costs[worst] <= FLAT * whole {
             break;
         }
         let Some((a, b)) = halves(&planes, &clusters[worst], size) else {

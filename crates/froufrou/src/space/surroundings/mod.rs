@@ -31,7 +31,7 @@ pub struct Material {
     /// The part of the reflected energy that goes evenly to all sides (Lambert), 0 to 1; the rest goes in a lobe
     /// about the mirror direction.
     pub diffuse: f64,
-    /// The exponent n of the lobe cosⁿ φ, above 0: 10 is soft, 1000 all but a mirror.
+    /// The exponent n of the lobe cosⁿ φ, 1 to 1e6: 10 is soft, 1000 all but a mirror.
     pub sharpness: f64,
     /// The part of the pressure that is left behind a body that covers all of a path, 0 to 1: what goes through it
     /// and, by diffraction, around it.

@@ -235,6 +235,7 @@ fn a_fine_mesh_hides_what_a_coarse_one_does() {
             ask(&mut about(vec![ball]), 0.0, DVec3::ZERO, DVec3::X * 9.0).direct
         };
         let (coarse, fine) = (hidden(32), hidden(200));
+        println!("{z} {y}: coarse {coarse:.4}, fine {fine:.4}");
         assert!((coarse - fine).abs() < 0.03, "{coarse} {fine}");
     }
 }
