@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 
 use froufrou::score::{
     Action, AnyDocument, Arrival, Blow, ChannelLine, ChannelReader, ChannelSpace, ChannelWriter, Cue,
-    Document, Header, Make, Microphone, MicrophoneKey, MicrophoneShape, Mode, ObjectLine, ObjectSpace, Order,
-    Pattern, Placement, Pose, Reader, Repeat, Sound, Space, Start, Statement, Verb, Whereabouts, Writer,
-    compare,
+    Document, Header, Held, Make, Microphone, MicrophoneKey, MicrophoneShape, Mode, ObjectLine, ObjectSpace,
+    Order, Pattern, Placement, Pose, Reader, Repeat, Sound, Space, Start, Statement, Verb, Whereabouts,
+    Writer, compare,
 };
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
@@ -66,7 +66,7 @@ fn sounds() -> impl Strategy<Value = Vec<Sound>> {
             let repeat = select(vec![Repeat::Once, Repeat::Loop, Repeat::ExactLoop]);
             let recording = (file(), repeat, prop::option::of(any::<usize>()))
                 .prop_map(|(path, repeat, channel)| Make::Recording { path, repeat, channel });
-            let mode = (positive(), not_negative(), coordinate(), prop::collection::vec(coordinate(), 0..3));
+            let mode = (positive(), positive(), coordinate(), prop::collection::vec(coordinate(), 0..3));
             let mode = mode.prop_map(|(frequency_hz, decay_per_s, gain, points)| Mode {
                 frequency_hz,
                 decay_per_s,
@@ -75,7 +75,8 @@ fn sounds() -> impl Strategy<Value = Vec<Sound>> {
             });
             let modes = (prop::option::of(file()), prop::collection::vec(mode, 0..3))
                 .prop_map(|(table, modes)| Make::Modes { table, modes });
-            let plain = vec![Make::String, Make::Bar, Make::Needle, Make::StickSlip, Make::Turbulence];
+            let plain =
+                vec![Make::String, Make::Bar(Held::Free), Make::Needle, Make::StickSlip, Make::Turbulence];
             let make = prop_oneof![
                 3 => recording,
                 1 => modes,

@@ -93,7 +93,7 @@ pub enum Make {
     /// A string that is plucked or struck.
     String,
     /// A bar that is struck.
-    Bar,
+    Bar(Held),
     /// Any body that is struck, by its modes.
     Modes {
         /// A file with a table of them.
@@ -139,7 +139,9 @@ impl Make {
         match self {
             Make::Recording { .. } => "recording",
             Make::String => "string",
-            Make::Bar => "bar",
+            Make::Bar(Held::Supported) => "bar",
+            Make::Bar(Held::Free) => "free-bar",
+            Make::Bar(Held::Clamped) => "clamped-bar",
             Make::Modes { .. } => "modes",
             Make::Needle => "needle",
             Make::StickSlip => "stick-slip",
@@ -147,6 +149,17 @@ impl Make {
             Make::Procedure { .. } => "procedure",
         }
     }
+}
+
+/// How a bar is held.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Held {
+    /// Both ends lie on something.
+    Supported,
+    /// It hangs freely.
+    Free,
+    /// One end is held fast.
+    Clamped,
 }
 
 /// One way in which a body rings.

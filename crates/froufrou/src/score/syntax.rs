@@ -9,8 +9,8 @@ use super::note::{Declared, Note};
 use super::rules::{Fault, Named, Rules, Step};
 use super::space::{ChannelSpace, LineRef, ObjectSpace, Space, once, push_whereabouts, read_whereabouts};
 use super::{
-    Action, Blow, Cue, Header, Make, MicrophoneKey, Mode, Order, Pattern, Repeat, Sound, Start, Statement,
-    Verb, quantity,
+    Action, Blow, Cue, Header, Held, Make, MicrophoneKey, Mode, Order, Pattern, Repeat, Sound, Start,
+    Statement, Verb, quantity,
 };
 use crate::{Error, Place, Result};
 
@@ -25,7 +25,8 @@ const THREAD_VERBS: [&str; 5] = ["start", "path", "key", "jump", "end"];
 const CUE_VERBS: [&str; 2] = ["set", "strike"];
 const START_CLAUSES: [&str; 5] = ["speed", "offset", "object", "cause", "pattern"];
 /// The words for synthesised sounds.
-const KINDS: [&str; 7] = ["string", "bar", "modes", "needle", "stick-slip", "turbulence", "procedure"];
+const KINDS: [&str; 9] =
+    ["string", "bar", "free-bar", "clamped-bar", "modes", "needle", "stick-slip", "turbulence", "procedure"];
 
 /// Reads the first line, which tells the space.
 pub fn read_first_line<R: BufRead>(lines: &mut Lines<R>, note: &mut Option<Note>) -> Result<&'static str> {
@@ -124,7 +125,9 @@ pub fn read_sound(words: &mut Words<'_>) -> Result<Sound> {
     }
     let make = match file.as_ref() {
         "string" => Make::String,
-        "bar" => Make::Bar,
+        "bar" => Make::Bar(Held::Supported),
+        "free-bar" => Make::Bar(Held::Free),
+        "clamped-bar" => Make::Bar(Held::Clamped),
         "modes" => {
             let table = match words.peek() {
                 Some(b'"') => Some(words.name("the table of modes")?.into_owned()),
@@ -211,8 +214,6 @@ fn sound_line(sound: &Sound) -> Result<String> {
                 text.push_str(&format!(" channel {channel}"));
             }
         }
-        Make::String => text.push_str("string"),
-        Make::Bar => text.push_str("bar"),
         Make::Modes { table, .. } => {
             text.push_str("modes");
             if let Some(table) = table {
@@ -220,9 +221,9 @@ fn sound_line(sound: &Sound) -> Result<String> {
                 push_quoted(&mut text, table);
             }
         }
-        Make::Needle => text.push_str("needle"),
-        Make::StickSlip => text.push_str("stick-slip"),
-        Make::Turbulence => text.push_str("turbulence"),
+        Make::String | Make::Bar(_) | Make::Needle | Make::StickSlip | Make::Turbulence => {
+            text.push_str(sound.make.kind());
+        }
         Make::Procedure { script } => {
             text.push_str("procedure ");
             push_quoted(&mut text, script);

@@ -7,13 +7,18 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::instrument::Instrument;
+use super::instrument::{Instrument, Parameters};
 use super::mixer::Sounding;
+use super::modal::bar::Ends;
+use super::modal::{self, Modes, Shape};
+use super::needle::Needle;
+use super::stick_slip::StickSlip;
+use super::turbulence::Turbulence;
 use super::voice::Prototype;
 use crate::corpus::looping::seamless_loop;
 use crate::corpus::recording::Recording;
-use crate::score::{Make, Repeat, Sound};
-use crate::{Error, Result};
+use crate::score::{Held, Make, Repeat, Sound};
+use crate::{Error, Place, Result};
 
 /// The sounds of a score, by name and ready to be played.
 pub type Soundings = Vec<(String, Sounding)>;
@@ -49,9 +54,43 @@ pub fn load(sounds: &[Sound], folder: &Path) -> Result<Soundings> {
     Ok(made.into_iter().map(|(index, sounding)| (sounds[index].name.clone(), sounding)).collect())
 }
 
+/// A synthesised sound, ready to be played.
 fn instrument(sound: &Sound, make: &Make, folder: &Path) -> Result<Arc<dyn Instrument>> {
-    let _ = (make, folder);
-    Err(Error::new(format!("the sound {} cannot be made", sound.name)))
+    let named = |fault: Error| {
+        // A file's fault says more by its own place.
+        if fault.file().is_some() { fault } else { fault.at(Place::Part(format!("sound {}", sound.name))) }
+    };
+    let bar = |ends| modal::bar::modes(ends, &sound.with);
+    let made: Result<Arc<dyn Instrument>> = match make {
+        Make::String => modal::string::modes(&sound.with).map(|modes| Arc::new(modes) as _),
+        Make::Bar(Held::Supported) => bar(Ends::Supported).map(|modes| Arc::new(modes) as _),
+        Make::Bar(Held::Free) => bar(Ends::Free).map(|modes| Arc::new(modes) as _),
+        Make::Bar(Held::Clamped) => bar(Ends::Clamped).map(|modes| Arc::new(modes) as _),
+        Make::Modes { table, modes } => {
+            Parameters::new(&sound.with).finish().and_then(|()| body(table.as_deref(), modes, folder))
+        }
+        Make::Needle => Needle::new(&sound.with).map(|needle| Arc::new(needle) as _),
+        Make::StickSlip => StickSlip::new(&sound.with).map(|body| Arc::new(body) as _),
+        Make::Turbulence => Turbulence::new(&sound.with).map(|air| Arc::new(air) as _),
+        Make::Procedure { .. } => Err(Error::new("procedures cannot be played yet")),
+        Make::Recording { .. } => Err(Error::new("a recording is no instrument")),
+    };
+    made.map_err(named)
+}
+
+/// A body from a table of modes, from modes that stand in the score, or from both.
+fn body(table: Option<&str>, modes: &[crate::score::Mode], folder: &Path) -> Result<Arc<dyn Instrument>> {
+    let mut all = match table {
+        Some(table) => modal::table::open(folder.join(table))?.modes().to_vec(),
+        None => Vec::new(),
+    };
+    all.extend(modes.iter().map(|mode| modal::Mode {
+        frequency_hz: mode.frequency_hz,
+        decay_per_s: mode.decay_per_s,
+        gain: mode.gain,
+        shape: if mode.points.is_empty() { Shape::Everywhere } else { Shape::Points(mode.points.clone()) },
+    }));
+    Ok(Arc::new(Modes::new(all)?))
 }
 
 fn prototype(recording: &Recording, sound: &Sound, path: &Path) -> Result<Prototype> {

@@ -11,7 +11,7 @@ use super::super::file::{
 use super::super::toml::{Node, Table};
 use super::{Keys, one_or_many, unknown, with_place};
 use crate::Result;
-use crate::score::{Blow, Make, Mode, Repeat};
+use crate::score::{Blow, Held, Make, Mode, Repeat};
 use crate::space::directivity::Directivity;
 
 pub(super) const INSTRUMENT: Keys = &["kind", "table", "modes", "script", "with"];
@@ -95,7 +95,8 @@ pub(super) const PATTERN: Keys = &["lobe"];
 pub(super) const START: Keys = &["t", "gain_db", "speed"];
 pub(super) const STRIKE: Keys = &["t", "impulse", "place", "contact"];
 
-const KINDS: &[&str] = &["string", "bar", "modes", "needle", "stick-slip", "turbulence", "procedure"];
+const KINDS: &[&str] =
+    &["string", "bar", "free-bar", "clamped-bar", "modes", "needle", "stick-slip", "turbulence", "procedure"];
 
 /// The most files or patterns in one list of recordings.
 const MOST_RECORDINGS: usize = 10_000;
@@ -126,7 +127,9 @@ fn instrument(name: &str, node: &Node<'_, '_>, folder: &Folder) -> Result<Instru
     };
     let make = match kind {
         "string" => Make::String,
-        "bar" => Make::Bar,
+        "bar" => Make::Bar(Held::Supported),
+        "free-bar" => Make::Bar(Held::Free),
+        "clamped-bar" => Make::Bar(Held::Clamped),
         "needle" => Make::Needle,
         "stick-slip" => Make::StickSlip,
         "turbulence" => Make::Turbulence,
@@ -157,7 +160,7 @@ fn modes(table: &Table<'_, '_>) -> Result<Vec<Mode>> {
         let points = mode.get("points").map_or(Ok(Vec::new()), |node| node.list("a list of factors"))?;
         Ok(Mode {
             frequency_hz: mode.required("frequency", "a number of hertz")?.positive("a number of hertz")?,
-            decay_per_s: mode.required("decay", "a decay a second")?.not_negative("a decay a second")?,
+            decay_per_s: mode.required("decay", "a decay a second")?.positive("a decay a second")?,
             gain: mode.get("gain").map_or(Ok(1.0), |node| node.number("a gain"))?,
             points: points.iter().map(|node| node.number("a factor")).collect::<Result<_>>()?,
         })
