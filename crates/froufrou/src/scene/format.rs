@@ -33,8 +33,8 @@ impl AnimationFormat {
     /// A file that cannot be read, or whose format is not known.
     pub fn of(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        if obj::is_pattern(path) {
-            return Ok(Self::ObjSequence);
+        if let Some(format) = Self::of_pattern(path) {
+            return Ok(format);
         }
         let metadata = std::fs::metadata(path).map_err(|fault| Error::io("open", path, fault))?;
         // Asked before opening: to open a named pipe without a writer would wait for ever.
@@ -51,6 +51,11 @@ impl AnimationFormat {
                 .at(crate::Place::Byte(0))
                 .help("read are Alembic archives (.abc), point caches (.pc2, .mdd) and OBJ files (.obj)")
         })
+    }
+
+    /// The format of what a pattern stands for, if the path is one and no file.
+    pub fn of_pattern(path: &Path) -> Option<Self> {
+        obj::is_pattern(path).then_some(Self::ObjSequence)
     }
 
     /// The format of a file of `length` bytes that begins with these and has this name, in lower

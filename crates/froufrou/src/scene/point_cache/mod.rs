@@ -92,6 +92,9 @@ impl PointCache {
         let mut head = [0; pc2::SIGNATURE.len()];
         let is_pc2 = file.length() >= head.len() as u64
             && read(path, &file, &mut head, 0).map(|()| head == *pc2::SIGNATURE)?;
+        if !is_pc2 && path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("pc2")) {
+            return Err(damage(path, 0, "the signature of PC2 is missing"));
+        }
         let layout = if is_pc2 {
             pc2::layout(path, &file, conventions.frame_rate_hz())?
         } else {
