@@ -55,7 +55,7 @@ pub enum Motion {
     /// A track set by hand; one key where it stands still.
     Track(Track),
     /// Objects of an animation file.
-    Source(Source),
+    Source(Box<Source>),
 }
 
 /// Objects of an animation file.

@@ -381,7 +381,7 @@ fn carrier(table: &Table<'_, '_>, folder: &Folder) -> Result<(Motion, [f64; 3])>
     match table.get("track") {
         Some(node) if node.is_text() => {
             needs(table, "interpolation", "a hand-set `track`")?;
-            Ok((Motion::Source(source(&node, table, folder)?), facing.unwrap_or(AHEAD)))
+            Ok((Motion::Source(Box::new(source(&node, table, folder)?)), facing.unwrap_or(AHEAD)))
         }
         Some(node) => {
             needs_file(table)?;
@@ -571,7 +571,7 @@ fn object(table: &Table<'_, '_>, materials: &HashMap<&str, usize>, folder: &Fold
     let name = table.required("name", "a name")?.text("a name")?;
     table.at_most_one(&["source", "position", "track"])?;
     let motion = match (table.get("source"), table.get("track"), table.get("position")) {
-        (Some(node), _, _) => Some(Motion::Source(source(&node, table, folder)?)),
+        (Some(node), _, _) => Some(Motion::Source(Box::new(source(&node, table, folder)?))),
         (_, Some(node), _) => Some(Motion::Track(track(&node, table, OBJECT_KEY)?)),
         (_, _, Some(node)) => Some(Motion::Track(still(node.vector("metres")?, AHEAD))),
         _ => None,

@@ -323,9 +323,12 @@ fn track_carrier(track: &Track, point: Point, frame_rate_hz: f64) -> Carrier {
     Carrier { way: Way::Track(Arc::new(track.clone())), point, origin_s: 0.0, frame_rate_hz }
 }
 
+/// A file, by the conventions that it was opened with.
+type Opening = (Conventions, Arc<dyn Animation>);
+
 /// Opened files; more than once where they are taken to mean different things.
 #[derive(Default)]
-struct Opened(BTreeMap<PathBuf, Vec<(Conventions, Arc<dyn Animation>)>>);
+struct Opened(BTreeMap<PathBuf, Vec<Opening>>);
 
 impl Opened {
     fn of(&self, source: &Source) -> Option<&Arc<dyn Animation>> {

@@ -45,7 +45,7 @@ impl<'f> Lines<'f> {
         let mut begun = false;
         loop {
             if self.next == self.block.len() && !self.fill()? {
-                return Ok(begun.then(|| (first, self.joined.as_slice())));
+                return Ok(begun.then_some((first, self.joined.as_slice())));
             }
             if first == 0 {
                 first = self.number + 1;
