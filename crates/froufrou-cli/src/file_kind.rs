@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use froufrou::scene::format::AnimationFormat;
 use froufrou::{Error, Result};
 
 /// Enough to get past the comments that stand above the first line of most text files.
@@ -14,8 +15,8 @@ const HEAD_BYTES: u64 = 16 << 10;
 pub enum FileKind {
     /// A scene: TOML.
     Scene,
-    /// An Alembic archive.
-    Alembic,
+    /// An animation, in its format.
+    Animation(AnimationFormat),
     /// An audio file; the name of its format.
     Recording(&'static str),
     /// A score in either space.
@@ -33,6 +34,9 @@ impl FileKind {
     /// A file that cannot be read, or that is of no kind known; `readable` names those that the
     /// caller reads.
     pub fn of(path: &Path, readable: &str) -> Result<Self> {
+        if let Some(format) = AnimationFormat::of_pattern(path) {
+            return Ok(Self::Animation(format));
+        }
         let metadata = std::fs::metadata(path).map_err(|fault| Error::io("open", path, fault))?;
         if !metadata.is_file() {
             let found = if metadata.is_dir() { "a folder" } else { "a pipe or a device" };
@@ -42,21 +46,22 @@ impl FileKind {
         let mut head = Vec::new();
         file.take(HEAD_BYTES).read_to_end(&mut head).map_err(|fault| Error::io("read", path, fault))?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-        Self::of_head(&head, &name).ok_or_else(|| {
+        Self::of_head(&head, &name, metadata.len()).ok_or_else(|| {
             let what = if head.is_empty() { "the file is empty" } else { "the file is of no known kind" };
             Error::new(what).in_file(path).help(format!("read are {readable}"))
         })
     }
 
-    /// What a file is that begins with these bytes and has this name, in lower case.
-    fn of_head(head: &[u8], name: &str) -> Option<Self> {
-        Self::of_magic(head).or_else(|| Self::of_text(head, name)).or_else(|| Self::of_name(name))
+    /// What a file of `length` bytes is that begins with these and has this name, in lower case.
+    fn of_head(head: &[u8], name: &str, length: u64) -> Option<Self> {
+        let animation = || AnimationFormat::of_head(head, name, length).map(Self::Animation);
+        let magic = Self::of_magic(head).or_else(|| Self::of_text(head, name));
+        magic.or_else(animation).or_else(|| Self::of_name(name))
     }
 
     fn of_magic(head: &[u8]) -> Option<Self> {
         let form = head.get(8..12).unwrap_or_default();
         Some(match head {
-            [b'O', b'g', b'a', b'w', b'a', ..] | [0x89, b'H', b'D', b'F', ..] => Self::Alembic,
             [0x1f, 0x8b, ..] => Self::ContactLog,
             [b'R', b'I', b'F', b'F' | b'X', ..] if form == b"WAVE" => Self::Recording("WAV"),
             [b'R', b'F', b'6', b'4', ..] | [b'B', b'W', b'6', b'4', ..] if form == b"WAVE" => {
@@ -133,9 +138,12 @@ mod tests {
 
     #[test]
     fn content_goes_before_the_name() {
-        let cases: [(&[u8], &str, Option<FileKind>); 12] = [
+        let cases: [(&[u8], &str, Option<FileKind>); 15] = [
             (b"RIFF\0\0\0\0WAVEfmt ", "a.mp3", Some(FileKind::Recording("WAV"))),
-            (b"Ogawa\xff", "a.bin", Some(FileKind::Alembic)),
+            (b"Ogawa\xff", "a.bin", Some(FileKind::Animation(AnimationFormat::Alembic))),
+            (b"POINTCACHE2\0", "a", Some(FileKind::Animation(AnimationFormat::Pc2))),
+            (b"# 8, a, b\nv 0 0 0\n", "a", Some(FileKind::Animation(AnimationFormat::Obj))),
+            (b"o block\n", "a.csv", Some(FileKind::ContactLog)),
             (b"\x1f\x8b\x08", "a", Some(FileKind::ContactLog)),
             (b"\n# by hand\nfroufrou-score 1 object\n", "a.toml", Some(FileKind::Score)),
             (b"{\"kind\":\"impact\"}", "a.txt", Some(FileKind::Events)),
@@ -148,13 +156,18 @@ mod tests {
             (b"\0\x01\x02\x03\xfe", "a.bin", None),
         ];
         for (head, name, kind) in cases {
-            assert_eq!(FileKind::of_head(head, name), kind, "{name}: {:?}", String::from_utf8_lossy(head));
+            assert_eq!(
+                FileKind::of_head(head, name, head.len() as u64),
+                kind,
+                "{name}: {:?}",
+                String::from_utf8_lossy(head)
+            );
         }
     }
 
     #[test]
     fn a_character_cut_in_two_does_no_harm() {
         let head = "[listener] # für".as_bytes();
-        assert_eq!(FileKind::of_head(&head[..head.len() - 2], "a"), Some(FileKind::Scene));
+        assert_eq!(FileKind::of_head(&head[..head.len() - 2], "a", 1000), Some(FileKind::Scene));
     }
 }

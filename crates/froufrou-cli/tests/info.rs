@@ -74,7 +74,7 @@ fn every_fixture_of_sound_is_read() {
 #[test]
 fn archives_are_listed() {
     let told = told(&fixtures("alembic").join("topologies.abc"));
-    assert_eq!(told["kind"], "alembic");
+    assert_eq!((&told["kind"], &told["format"]), (&"animation".into(), &"Alembic archive".into()));
     let objects = told["objects"].as_array().unwrap();
     let meshes: Vec<&Value> = objects.iter().filter(|o| o["object"] == "mesh").collect();
     assert!(!meshes.is_empty());
@@ -91,6 +91,52 @@ fn archives_are_listed() {
         let corner = |name: &str| told["bounds_m"][name][axis].as_f64().unwrap();
         assert!(corner("least") <= corner("greatest"));
     }
+}
+
+/// The same cloth in four formats, as Blender writes it.
+#[test]
+fn point_caches_and_obj_are_listed() {
+    let folder = fixtures("point_cache");
+    let mut extents = Vec::new();
+    for (name, format, samples, rate_hz) in [
+        ("cloth.pc2", "PC2 point cache", 8, Some(24.0)),
+        ("halves.pc2", "PC2 point cache", 15, Some(48.0)),
+        ("cloth.mdd", "MDD point cache", 8, Some(25.0)),
+        ("frame_*.obj", "OBJ sequence", 8, Some(24.0)),
+        ("cloth.obj", "OBJ file", 1, None),
+    ] {
+        let told = told(&folder.join(name));
+        assert_eq!((&told["kind"], &told["format"]), (&"animation".into(), &format.into()));
+        let [object] = told["objects"].as_array().unwrap().as_slice() else { panic!("{told}") };
+        assert_eq!((&object["samples"], &object["vertices"]), (&samples.into(), &35.into()), "{name}");
+        assert_eq!(object["topology_changes"], 0);
+        let faces = if name == "halves.pc2" { 0 } else { 24 };
+        assert_eq!((&object["faces"], &object["most_faces"]), (&faces.into(), &faces.into()), "{name}");
+        if let Some(rate_hz) = rate_hz {
+            near(&object["rate_hz"], rate_hz, 1e-5);
+            extents.push((0..3).map(|axis| told["bounds_m"]["greatest"][axis].as_f64().unwrap()).collect());
+        }
+    }
+    let extents: Vec<Vec<f64>> = extents;
+    for axis in 0..3 {
+        // The cache of half frames may reach farther.
+        for extent in [&extents[2], &extents[3]] {
+            assert!((extent[axis] - extents[0][axis]).abs() < 1e-5, "{extents:?}");
+        }
+    }
+    // A cloth that is torn, then whole again, once with a frame missing.
+    let folder = tempfile::tempdir().unwrap();
+    let triangle = "v 0 0 0\nv 1 0 0\nv 0 0 2\nf 1 2 3\n";
+    for (frame, more) in [(1, ""), (2, "v 5 0 0\n"), (4, "v 5 1 0\nf 2 3 4\n"), (5, "")] {
+        fs::write(folder.path().join(format!("torn{frame}.obj")), format!("{triangle}{more}")).unwrap();
+    }
+    let told = told(&folder.path().join("torn*.obj"));
+    let object = &told["objects"][0];
+    assert_eq!((&object["path"], &object["topology_changes"]), (&"/torn".into(), &3.into()));
+    assert_eq!((&object["vertices"], &object["most_vertices"]), (&3.into(), &4.into()));
+    assert_eq!((&object["most_faces"], &told["facts"]["files"]), (&2.into(), &"4".into()));
+    assert_eq!(told["bounds_m"]["greatest"], serde_json::json!([5.0, 1.0, 2.0]));
+    near(&told["times_s"]["to"], 5.0 / 24.0, 1e-12);
 }
 
 #[test]

@@ -1,47 +1,16 @@
 //! Files that are cut short, flipped, absurd or malicious: always an error or a reading, never a
 //! panic, a hang, or memory beyond a small multiple of the file.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+mod damage;
 
+use std::path::Path;
+use std::sync::atomic::Ordering;
+
+use damage::{HELD, MOST, Scratch, turn};
 use froufrou::scene::alembic::Alembic;
 use froufrou::scene::animation::{Animation, Mesh, ObjectKind};
 use froufrou::{Error, Place};
 use proptest::prelude::*;
-
-/// The system's allocator, which remembers how much was ever held at once.
-struct Counting;
-
-static HELD: AtomicUsize = AtomicUsize::new(0);
-static MOST: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call goes on to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        let held = HELD.fetch_add(layout.size(), Ordering::Relaxed) + layout.size();
-        MOST.fetch_max(held, Ordering::Relaxed);
-        // SAFETY: the caller's promise.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        HELD.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: the caller's promise.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// Memory is counted for the whole process, so these tests take turns.
-fn turn() -> MutexGuard<'static, ()> {
-    static TURN: Mutex<()> = Mutex::new(());
-    TURN.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 fn fixture(name: &str) -> Vec<u8> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/alembic");
@@ -65,43 +34,13 @@ fn read_all(path: &Path) -> Result<usize, Error> {
     Ok(animation.objects().len())
 }
 
-struct Scratch {
-    folder: tempfile::TempDir,
-}
-
-impl Scratch {
-    fn new() -> Self {
-        Self { folder: tempfile::tempdir().expect("a folder") }
-    }
-
-    fn path(&self) -> PathBuf {
-        self.folder.path().join("damaged.abc")
-    }
-
-    /// What reading gives, after checking that time, memory and the error are in order.
-    fn try_bytes(&self, bytes: &[u8]) -> Result<usize, Error> {
-        std::fs::write(self.path(), bytes).expect("a file");
-        let (begin, before) = (Instant::now(), HELD.load(Ordering::Relaxed));
-        MOST.store(before, Ordering::Relaxed);
-        let result = read_all(&self.path());
-        let most = MOST.load(Ordering::Relaxed).saturating_sub(before);
-        assert!(begin.elapsed() < Duration::from_secs(5), "it took {:?}", begin.elapsed());
-        assert!(most < (48 << 20) + 64 * bytes.len(), "{most} bytes for a file of {}", bytes.len());
-        if let Err(error) = &result {
-            assert!(error.file().is_some() && error.place().is_some(), "{error}");
-            assert!(error.to_string().ends_with(')'), "no advice: {error}");
-        }
-        result
-    }
-
-    fn error(&self, bytes: &[u8]) -> String {
-        self.try_bytes(bytes).expect_err("this cannot be read").to_string()
-    }
+fn scratch() -> Scratch {
+    Scratch::new("damaged.abc", read_all)
 }
 
 #[test]
 fn other_kinds_of_file_are_named() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     assert!(scratch.error(b"\x89HDF\r\n\x1a\n and more").contains("abcconvert"));
     assert!(scratch.error(b"").contains("empty"));
     assert!(scratch.error(b"Oga").contains("not an Alembic archive"));
@@ -114,7 +53,7 @@ fn other_kinds_of_file_are_named() {
 
 #[test]
 fn an_archive_whose_writer_crashed_is_named() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     let mut bytes = fixture("nesting");
     bytes[5] = 0;
     let error = scratch.error(&bytes);
@@ -126,7 +65,7 @@ fn an_archive_whose_writer_crashed_is_named() {
 
 #[test]
 fn a_truncated_file_says_where_it_ends() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     let whole = fixture("cameras");
     for length in (1..whole.len()).step_by(7) {
         // The last bytes may belong to something that is not read; half of it never does.
@@ -139,7 +78,7 @@ fn a_truncated_file_says_where_it_ends() {
 
 #[test]
 fn flipped_bytes_all_over_the_file_end_well() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     for name in ["instances", "edges"] {
         let whole = fixture(name);
         let mut refused = 0;
@@ -178,7 +117,7 @@ proptest! {
             let index = place.index(bytes.len());
             bytes[index] = value;
         }
-        let _ = Scratch::new().try_bytes(&bytes);
+        let _ = scratch().try_bytes(&bytes);
     }
 
     #[test]
@@ -194,7 +133,7 @@ proptest! {
         let mut bytes = fixture(name);
         let index = place.index(bytes.len() - 8);
         bytes[index..index + 8].copy_from_slice(&value.to_le_bytes());
-        let _ = Scratch::new().try_bytes(&bytes);
+        let _ = scratch().try_bytes(&bytes);
     }
 
     #[test]
@@ -207,7 +146,7 @@ proptest! {
         let whole = fixture(name);
         let (from, to) = (from.index(whole.len()), to.index(whole.len()));
         let bytes = [&whole[..from], &whole[to..]].concat();
-        let _ = Scratch::new().try_bytes(&bytes);
+        let _ = scratch().try_bytes(&bytes);
     }
 }
 
@@ -301,7 +240,7 @@ impl Writer {
 
 #[test]
 fn an_assembled_archive_is_sound() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     let mut writer = Writer::new();
     let leaf = writer.object(0, &[]);
     let branch = writer.object(0, &[("leaf", "", leaf)]);
@@ -315,7 +254,7 @@ fn an_assembled_archive_is_sound() {
 
 #[test]
 fn an_object_that_contains_itself_is_refused() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     let mut writer = Writer::new();
     // The group will begin after its headers: 8 bytes of size and 4 + 4 + 1 + 4 + 32 of content.
     let own_position = writer.bytes.len() as u64 + 8 + 45;
@@ -327,7 +266,7 @@ fn an_object_that_contains_itself_is_refused() {
 
 #[test]
 fn many_levels_do_not_exhaust_the_stack() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     let deep = |levels: usize| {
         let mut writer = Writer::new();
         let mut group = 0;
@@ -342,7 +281,7 @@ fn many_levels_do_not_exhaust_the_stack() {
 
 #[test]
 fn children_that_are_shared_do_not_multiply_for_ever() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     let mut writer = Writer::new();
     let mut group = 0;
     for _ in 0..50 {
@@ -363,7 +302,7 @@ fn children_that_are_shared_do_not_multiply_for_ever() {
 /// Each mesh would keep its last samples; together they are limited.
 #[test]
 fn meshes_that_share_their_points_do_not_fill_memory() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     let mut writer = Writer::new();
     let mesh = writer.mesh(10, &[vec![0; 12 * 100_000]]);
     let names: Vec<String> = (0..500).map(|i| format!("{i}")).collect();
@@ -377,7 +316,7 @@ fn meshes_that_share_their_points_do_not_fill_memory() {
 
 #[test]
 fn a_long_animation_takes_the_memory_of_a_few_frames() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     let mut writer = Writer::new();
     let frame = |index: usize| -> Vec<u8> {
         (0..3000).flat_map(|value| ((index * 3000 + value) as f32).to_le_bytes()).collect()
@@ -401,7 +340,7 @@ fn a_long_animation_takes_the_memory_of_a_few_frames() {
 
 #[test]
 fn a_nan_is_given_as_it_is() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     let single = [1.5_f32, f32::NAN, -2.0].map(f32::to_le_bytes).concat();
     let double = [1.5_f64, f64::NAN, -2.0].map(f64::to_le_bytes).concat();
     for (pod, bytes) in [(10, single), (11, double)] {
@@ -419,7 +358,7 @@ fn a_nan_is_given_as_it_is() {
 
 #[test]
 fn a_file_cut_while_it_is_open_is_an_error() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     let bytes = fixture("topologies");
     std::fs::write(scratch.path(), &bytes).expect("a file");
     let animation = Alembic::open(scratch.path()).expect("a sound archive");
@@ -430,7 +369,7 @@ fn a_file_cut_while_it_is_open_is_an_error() {
 
 #[test]
 fn long_names_do_not_multiply_for_ever() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     let mut writer = Writer::new();
     let name = "n".repeat(1 << 20);
     let children: Vec<String> = (0..2000).map(|i| i.to_string()).collect();
@@ -442,7 +381,7 @@ fn long_names_do_not_multiply_for_ever() {
 
 #[test]
 fn instances_of_nothing_of_themselves_and_of_too_much_are_refused() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     for (name, source) in [("a", "/b"), ("a", "/a"), ("a", "/a/a"), ("a", ""), ("a", "/")] {
         let mut writer = Writer::new();
         let instance = writer.instance(source);
@@ -474,7 +413,7 @@ fn instances_of_nothing_of_themselves_and_of_too_much_are_refused() {
 
 #[test]
 fn a_group_or_block_beyond_the_file_is_refused() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     for position in [1, 15, 1 << 20, u64::MAX >> 1, BLOCK | 40, u64::MAX] {
         let mut writer = Writer::new();
         let top = writer.object(0, &[("a", "", position)]);
@@ -485,7 +424,7 @@ fn a_group_or_block_beyond_the_file_is_refused() {
 
 #[test]
 fn a_count_or_size_beyond_the_file_is_refused_before_it_is_believed() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     for claim in [100_000_u64, 1 << 40, u64::MAX / 8, u64::MAX] {
         let mut writer = Writer::new();
         let child = writer.object(0, &[]);

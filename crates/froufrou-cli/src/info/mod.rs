@@ -1,6 +1,7 @@
 //! `froufrou info`: what is in any file that froufrou reads.
 
 mod alembic;
+mod animation;
 mod contact_log;
 mod events;
 mod recording;
@@ -18,14 +19,15 @@ use self::sheet::Sheet;
 use crate::file_kind::FileKind;
 
 /// What is read.
-const READABLE: &str = "scenes (.toml), Alembic archives (.abc), audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, \
-                        MP3), scores, events (.jsonl) and contact logs (.csv, .csv.gz)";
+const READABLE: &str = "scenes (.toml), animations (.abc, .pc2, .mdd, .obj), audio (WAV, RF64, AIFF, FLAC, \
+                        Ogg Vorbis, MP3), scores, events (.jsonl) and contact logs (.csv, .csv.gz)";
 
-/// Tells what is in a file: a scene, an Alembic archive, audio, a score, events or a contact log.
+/// Tells what is in a file: a scene, an animation, audio, a score, events or a contact log.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
   froufrou info shot.abc             its objects, frame rate and length
+  froufrou info 'sim/cloth_*.obj'    the same of a sequence of files
   froufrou info out.wav --json       level and loudness, for a machine")]
 pub struct Info {
     /// The file; what it is is told by its content.
@@ -79,7 +81,7 @@ impl Info {
         let file = self.file.as_path();
         match FileKind::of(file, READABLE)? {
             FileKind::Scene => self.tell(&scene::read(file, self.allow_outside)?),
-            FileKind::Alembic => self.tell(&alembic::read(file)?),
+            FileKind::Animation(format) => self.tell(&animation::read(file, format)?),
             FileKind::Recording(format) => self.tell(&recording::read(file, format)?),
             FileKind::Score => self.tell(&score::read(file)?),
             FileKind::Events => self.tell(&events::read(file)?),

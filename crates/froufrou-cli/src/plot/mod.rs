@@ -106,10 +106,10 @@ impl Plot {
             }
             FileKind::Events => events::draw(&self.file, &title, asked, size)?,
             FileKind::Score => score::draw(&self.file, &title, asked, size)?,
-            FileKind::Scene | FileKind::Alembic | FileKind::ContactLog => {
+            FileKind::Scene | FileKind::Animation(_) | FileKind::ContactLog => {
                 let what = match kind {
                     FileKind::Scene => "a scene",
-                    FileKind::Alembic => "an Alembic archive",
+                    FileKind::Animation(_) => "an animation",
                     _ => "a contact log",
                 };
                 return Err(Error::new(format!("{what} cannot be drawn"))

@@ -4,11 +4,23 @@
 //! Readers hold the index of a file in memory and fetch samples as they are asked for, so that a
 //! file of any length is read in the memory of a few frames.
 
+use super::bracket::Bracket;
+use super::conventions::UpAxis;
 use crate::{Error, Result};
 
 /// A local-to-world transform, row-major, for column vectors: `world = m * [x, y, z, 1]`, so that
 /// the translation is `m[0][3], m[1][3], m[2][3]`, in metres.
 pub type Transform = [[f64; 4]; 4];
+
+/// The transform of what stands at the origin, unturned.
+pub(crate) const IDENTITY: Transform =
+    [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+
+/// Appends positions a fraction of the way from some to others.
+pub(crate) fn mix_positions(before: &[[f32; 3]], after: &[[f32; 3]], fraction: f64, to: &mut Vec<[f32; 3]>) {
+    let mix = |a: f32, b: f32| (f64::from(a) * (1.0 - fraction) + f64::from(b) * fraction) as f32;
+    to.extend(before.iter().zip(after).map(|(a, b)| [mix(a[0], b[0]), mix(a[1], b[1]), mix(a[2], b[2])]));
+}
 
 /// A polygon mesh at one moment, in world space, metres, Y up, its faces counter-clockwise seen from
 /// outside. Positions are as the file has them: a NaN there is a NaN here.
@@ -109,6 +121,31 @@ impl KeyTimes {
         }
     }
 
+    /// Equally spaced times where these are, to within `tolerance_s`; else the list of them. One time
+    /// alone, and none, is that of what never changes.
+    pub(crate) fn from_times(times_s: Vec<f64>, tolerance_s: f64) -> Self {
+        let (Some(&first), Some(&last)) = (times_s.first(), times_s.last()) else { return KeyTimes::Static };
+        if times_s.len() < 2 {
+            return KeyTimes::Static;
+        }
+        let step_s = (last - first) / (times_s.len() - 1) as f64;
+        let near = |(i, t): (usize, &f64)| (first + i as f64 * step_s - t).abs() <= tolerance_s;
+        if times_s.iter().enumerate().all(near) {
+            return KeyTimes::Uniform { start_s: first, step_s, count: times_s.len() };
+        }
+        KeyTimes::Listed(times_s.into())
+    }
+
+    /// The samples around a time.
+    pub(crate) fn bracket(&self, time_s: f64) -> Bracket {
+        // No reader counts more samples than this.
+        let count = u32::try_from(self.len()).unwrap_or(u32::MAX);
+        if count == 0 {
+            return Bracket::at(0);
+        }
+        Bracket::around(time_s, count, |index| self.get(index as usize).unwrap_or(f64::INFINITY))
+    }
+
     /// First and last time, where there are samples.
     pub fn span_s(&self) -> Option<(f64, f64)> {
         Some((self.get(0)?, self.get(self.len().checked_sub(1)?)?))
@@ -126,6 +163,22 @@ pub struct ObjectInfo {
     pub topology: Topology,
     /// When it has samples: those of its own and of every transform above it together.
     pub key_times: KeyTimes,
+}
+
+/// What a file states of its own axes and unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stated {
+    /// The axis that points up.
+    pub up: UpAxis,
+    /// Metres in its unit of length.
+    pub unit_m: f64,
+}
+
+impl Default for Stated {
+    /// Y up and metres: what is taken where a file states nothing.
+    fn default() -> Self {
+        Self { up: UpAxis::Y, unit_m: 1.0 }
+    }
 }
 
 /// An opened animation file of any format.
@@ -167,5 +220,12 @@ pub trait Animation: Send + Sync {
         let mut mesh = Mesh::default();
         self.mesh(object, info.key_times.get(0).unwrap_or_default(), &mut mesh)?;
         Ok(Some(MeshSize { vertices: mesh.positions.len(), faces: mesh.face_sizes.len() }))
+    }
+
+    /// What the file states of its axes and unit, which a reader that knows it has applied already;
+    /// the default for formats that state nothing. A scene that says otherwise is right, and this is
+    /// what is undone for it.
+    fn stated(&self) -> Stated {
+        Stated::default()
     }
 }

@@ -94,6 +94,11 @@ impl Folder {
         Ok(Self { path: path.to_owned(), canonical, allow_outside })
     }
 
+    /// The folder.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// One file by its name.
     pub(crate) fn file(&self, name: &str) -> Result<Asset> {
         self.check_name(name)?;

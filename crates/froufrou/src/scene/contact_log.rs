@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use flate2::read::MultiGzDecoder;
 
+pub use super::conventions::UpAxis;
 use super::toml::{alternatives, nearest};
 use crate::{Error, Place, Result};
 
@@ -32,16 +33,6 @@ pub enum Push<T> {
     Force(T),
     /// The normal impulse of the step in newton seconds.
     Impulse(T),
-}
-
-/// Which of a log's axes points up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum UpAxis {
-    /// Y, as in this crate.
-    #[default]
-    Y,
-    /// Z: (x, y, z) becomes (x, z, −y).
-    Z,
 }
 
 /// Which columns of a log hold what, and in which units.

@@ -11,6 +11,7 @@ use crate::{Error, Result};
 
 use super::asset::{Asset, NamePattern};
 use super::contact_log::ContactColumns;
+use super::conventions::Conventions;
 use super::listener::{Layout, Listener};
 use super::track::Track;
 
@@ -58,14 +59,16 @@ pub enum Motion {
     /// A track set by hand; one key where it stands still.
     Track(Track),
     /// Objects of an animation file.
-    Source(Source),
+    Source(Box<Source>),
 }
 
 /// Objects of an animation file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Source {
-    /// The animation file.
+    /// The animation file; of a sequence the pattern that its files match.
     pub file: Asset,
+    /// How its numbers are meant.
+    pub conventions: Conventions,
     /// The path of the object in it, or a pattern that several match.
     pub object: NamePattern,
     /// Seconds added to the times of the file.

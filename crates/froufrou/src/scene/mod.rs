@@ -3,11 +3,18 @@
 pub mod alembic;
 pub mod animation;
 pub mod asset;
+mod bracket;
 pub mod contact_log;
+pub mod conventions;
+mod converted;
 pub mod file;
+pub mod format;
 pub mod listener;
+pub mod obj;
+pub mod point_cache;
 mod positioned_file;
 mod read;
+mod sample_cache;
 mod toml;
 pub mod track;
 mod wander;

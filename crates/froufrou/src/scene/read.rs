@@ -6,10 +6,12 @@ use std::path::Path;
 use crate::score::MicrophoneShape;
 use crate::{Error, Place, Result};
 
-use super::asset::{Folder, NamePattern};
-use super::contact_log::{ContactColumns, Push, UpAxis};
+use super::asset::{Asset, Folder, NamePattern};
+use super::contact_log::{ContactColumns, Push};
+use super::conventions::{Conventions, UpAxis};
 use super::file::{Contacts, Emitter, Microphone, Motion, Object, Point, Scene, Size, Source, Swarm, Wind};
 use super::listener::{CARDIOID, Layout, Listener, OMNI};
+use super::obj;
 use super::toml::{Document, Node, Table, nearest};
 use super::track::{Interpolation, Track, TrackKey};
 
@@ -35,10 +37,32 @@ const SCENE: Keys = &[
     "ambient",
     "contacts",
 ];
-const LISTENER: Keys =
-    &["position", "facing", "track", "interpolation", "time_offset", "offset", "layout", "spacing"];
-const MICROPHONE: Keys =
-    &["name", "shape", "position", "facing", "track", "interpolation", "time_offset", "offset"];
+const LISTENER: Keys = &[
+    "position",
+    "facing",
+    "track",
+    "interpolation",
+    "time_offset",
+    "up",
+    "unit",
+    "frame_rate",
+    "offset",
+    "layout",
+    "spacing",
+];
+const MICROPHONE: Keys = &[
+    "name",
+    "shape",
+    "position",
+    "facing",
+    "track",
+    "interpolation",
+    "time_offset",
+    "up",
+    "unit",
+    "frame_rate",
+    "offset",
+];
 const SHAPE: Keys = &["c", "k"];
 const LISTENER_KEY: Keys = &["t", "position", "facing"];
 const OBJECT: Keys = &[
@@ -50,6 +74,10 @@ const OBJECT: Keys = &[
     "time_offset",
     "swarm",
     "size",
+    "up",
+    "unit",
+    "frame_rate",
+    "faces",
     "offset",
     "point",
     "material",
@@ -344,9 +372,10 @@ fn carrier(table: &Table<'_, '_>, folder: &Folder) -> Result<(Motion, [f64; 3])>
     match table.get("track") {
         Some(node) if node.is_text() => {
             needs(table, "interpolation", "a hand-set `track`")?;
-            Ok((Motion::Source(source(&node, table, folder)?), facing.unwrap_or(AHEAD)))
+            Ok((Motion::Source(Box::new(source(&node, table, folder)?)), facing.unwrap_or(AHEAD)))
         }
         Some(node) => {
+            needs_file(table)?;
             if let Some(facing) = table.get("facing") {
                 return Err(facing.error("a hand-set `track` has `facing` in its keys"));
             }
@@ -355,6 +384,7 @@ fn carrier(table: &Table<'_, '_>, folder: &Folder) -> Result<(Motion, [f64; 3])>
         None => {
             needs(table, "interpolation", "a hand-set `track`")?;
             needs(table, "time_offset", "a `track`")?;
+            needs_file(table)?;
             let position = table.get("position").map_or(Ok([0.0; 3]), |node| node.vector("metres"))?;
             Ok((Motion::Track(still(position, facing.unwrap_or(AHEAD))), AHEAD))
         }
@@ -419,6 +449,37 @@ fn needs(table: &Table<'_, '_>, key: &str, what: &str) -> Result<()> {
     table.get(key).map_or(Ok(()), |node| Err(node.error(format!("means nothing without {what}"))))
 }
 
+/// Refuses keys that say how a file is read where there is no file.
+fn needs_file(table: &Table<'_, '_>) -> Result<()> {
+    ["up", "unit", "frame_rate", "faces"].iter().try_for_each(|key| needs(table, key, "an animation file"))
+}
+
+fn up(table: &Table<'_, '_>) -> Result<Option<UpAxis>> {
+    let choice = table.get("up").map(|node| node.choice(&["y", "z"])).transpose()?;
+    Ok(choice.map(|index| [UpAxis::Y, UpAxis::Z][index]))
+}
+
+fn unit_m(table: &Table<'_, '_>) -> Result<Option<f64>> {
+    table.get("unit").map(|node| node.within("a number of metres", 1e-9, 1e9)).transpose()
+}
+
+/// How the numbers of an animation file are meant.
+fn conventions(table: &Table<'_, '_>, folder: &Folder) -> Result<Conventions> {
+    let what = "an animation file with the faces of the mesh";
+    Ok(Conventions {
+        up: up(table)?,
+        unit_m: unit_m(table)?,
+        frame_rate_hz: table
+            .get("frame_rate")
+            .map(|node| node.within("frames a second", 0.001, 1_000_000.0))
+            .transpose()?,
+        faces: table
+            .get("faces")
+            .map(|node| with_place(&node, folder.file(&node.text(what)?)).map(|asset| asset.path))
+            .transpose()?,
+    })
+}
+
 fn time_offset(table: &Table<'_, '_>) -> Result<f64> {
     table.get("time_offset").map_or(Ok(0.0), |node| node.number("a number of seconds"))
 }
@@ -431,8 +492,18 @@ fn source(node: &Node<'_, '_>, table: &Table<'_, '_>, folder: &Folder) -> Result
     if file.is_empty() || object.is_empty() {
         return Err(node.expected(what));
     }
+    let several = with_place(node, folder.files(file))?;
+    let file = match <[Asset; 1]>::try_from(several) {
+        Ok([one]) if one.name == file => one,
+        // Every file of the sequence is inside the folder; they are found again by their pattern.
+        _ if obj::is_in_one_folder(file) => Asset { name: file.to_owned(), path: folder.path().join(file) },
+        _ => {
+            return Err(node.error("a pattern of files may stand in their name and not in that of a folder"));
+        }
+    };
     Ok(Source {
-        file: with_place(node, folder.file(file))?,
+        file,
+        conventions: conventions(table, folder)?,
         object: with_place(node, NamePattern::new(&format!("/{object}")))?,
         time_offset_s: time_offset(table)?,
     })
@@ -480,12 +551,13 @@ fn object(table: &Table<'_, '_>, materials: &HashMap<&str, usize>, folder: &Fold
     let name = table.required("name", "a name")?.text("a name")?;
     table.at_most_one(&["source", "position", "track"])?;
     let motion = match (table.get("source"), table.get("track"), table.get("position")) {
-        (Some(node), _, _) => Some(Motion::Source(source(&node, table, folder)?)),
+        (Some(node), _, _) => Some(Motion::Source(Box::new(source(&node, table, folder)?))),
         (_, Some(node), _) => Some(Motion::Track(track(&node, table, OBJECT_KEY)?)),
         (_, _, Some(node)) => Some(Motion::Track(still(node.vector("metres")?, AHEAD))),
         _ => None,
     };
     if !matches!(motion, Some(Motion::Source(_))) {
+        needs_file(table)?;
         needs(table, "point", "a `source`")?;
         needs(table, "offset", "a `source`")?;
         if table.get("track").is_none() {
@@ -565,7 +637,6 @@ fn contacts(table: &Table<'_, '_>, folder: &Folder) -> Result<Contacts> {
         (_, Some(node)) => Push::Impulse(node.text("the name of a column")?),
         _ => return Err(columns.error("`normal_force` or `normal_impulse` is missing: expected one of them")),
     };
-    let up = table.get("up").map_or(Ok(0), |node| node.choice(&["y", "z"]))?;
     Ok(Contacts {
         log: asset,
         columns: ContactColumns {
@@ -586,8 +657,8 @@ fn contacts(table: &Table<'_, '_>, folder: &Folder) -> Result<Contacts> {
                 }
                 list.iter().map(|node| node.text("the name of a column")).collect()
             })?,
-            up: [UpAxis::Y, UpAxis::Z][up],
-            unit_m: table.get("unit").map_or(Ok(1.0), |node| node.within("a number of metres", 1e-9, 1e9))?,
+            up: up(table)?.unwrap_or_default(),
+            unit_m: unit_m(table)?.unwrap_or(1.0),
             time_offset_s: time_offset(table)?,
         },
         step_s: table.get("step").map(|n| n.within("a number of seconds", 1e-6, 1.0)).transpose()?,

@@ -6,7 +6,12 @@ use std::sync::{Arc, Mutex};
 
 use super::alembic::Alembic;
 use super::animation::{Animation, KeyTimes, Mesh, ObjectKind, Topology, Transform};
+use super::conventions::Conventions;
+use super::converted::Converted;
 use super::file::{Microphone, Motion, Point, Scene, Source, Swarm};
+use super::format::AnimationFormat;
+use super::obj::Obj;
+use super::point_cache::PointCache;
 use super::track::{Interpolation, Track};
 use super::wander::Wander;
 use super::wind::WindField;
@@ -14,12 +19,42 @@ use crate::random::Random;
 use crate::score::Pose;
 use crate::{Error, Place, Result};
 
-/// Opens an animation file of any format that is known, told apart by its content.
+/// Opens an animation file of any format that is known, told apart by its content. A pattern in the
+/// last part of the path, such as `sim/cloth_*.obj`, is a sequence of OBJ files.
 ///
 /// # Errors
 /// A file that cannot be read, or whose format is not known.
 pub fn open_animation(path: impl AsRef<Path>) -> Result<Arc<dyn Animation>> {
-    Ok(Arc::new(Alembic::open(path)?))
+    open_animation_as(path, &Conventions::default())
+}
+
+/// Opens an animation file as [`open_animation`] does, with what is known of it besides. What it
+/// gives is in metres and Y up.
+///
+/// # Errors
+/// As there; and conventions that this format has no use for.
+pub fn open_animation_as(path: impl AsRef<Path>, conventions: &Conventions) -> Result<Arc<dyn Animation>> {
+    let path = path.as_ref();
+    conventions.check().map_err(|fault| fault.in_file(path))?;
+    let format = AnimationFormat::of(path)?;
+    let useless = |key: &str, why: &str| {
+        Err(Error::new(format!("`{key}` means nothing for this {}: {why}", format.name()))
+            .in_file(path)
+            .help(format!("leave `{key}` out")))
+    };
+    if conventions.frame_rate_hz.is_some() && !format.counts_frames() {
+        return useless("frame_rate", "it does not count frames");
+    }
+    if conventions.faces.is_some() && !format.has_no_faces() {
+        return useless("faces", "it has faces of its own");
+    }
+    let animation: Arc<dyn Animation> = match format {
+        AnimationFormat::Alembic => Arc::new(Alembic::open(path)?),
+        AnimationFormat::Pc2 | AnimationFormat::Mdd => Arc::new(PointCache::open(path, conventions)?),
+        AnimationFormat::Obj => Arc::new(Obj::open(path)?),
+        AnimationFormat::ObjSequence => Arc::new(Obj::open_sequence(path, conventions)?),
+    };
+    Ok(Converted::wrap(animation, conventions))
 }
 
 /// Something that is somewhere at every moment.
@@ -422,9 +457,23 @@ fn track_carrier(track: &Track, point: Point, frame_rate_hz: f64) -> Carrier {
     Carrier { way: Way::Track(Arc::new(track.clone())), point, origin_s: 0.0, frame_rate_hz }
 }
 
-/// The animation files of a scene, each opened once.
+/// A file, by the conventions that it was opened with.
+type Opening = (Conventions, Arc<dyn Animation>);
+
+/// Opened files; more than once where they are taken to mean different things.
+#[derive(Default)]
+struct Opened(BTreeMap<PathBuf, Vec<Opening>>);
+
+impl Opened {
+    fn of(&self, source: &Source) -> Option<&Arc<dyn Animation>> {
+        let mut opened = self.0.get(&source.file.path)?.iter();
+        opened.find(|(conventions, _)| *conventions == source.conventions).map(|(_, animation)| animation)
+    }
+}
+
+/// The animation files of a scene, each opened once for each of the conventions it is read by.
 struct Files {
-    opened: BTreeMap<PathBuf, Arc<dyn Animation>>,
+    opened: Opened,
     /// The time in the files' clock at which the soundtrack begins.
     start_s: f64,
 }
@@ -432,26 +481,34 @@ struct Files {
 impl Files {
     fn open(scene: &Scene) -> Result<Self> {
         let motions = scene.objects.iter().filter_map(|o| o.motion.as_ref());
-        let mut opened = BTreeMap::new();
+        let mut opened = Opened::default();
         for motion in motions.chain(scene.microphones.iter().map(|m| &m.motion)) {
             if let Motion::Source(source) = motion
-                && !opened.contains_key(&source.file.path)
+                && opened.of(source).is_none()
             {
-                opened.insert(source.file.path.clone(), open_animation(&source.file.path)?);
+                let animation = open_animation_as(&source.file.path, &source.conventions)?;
+                opened
+                    .0
+                    .entry(source.file.path.clone())
+                    .or_default()
+                    .push((source.conventions.clone(), animation));
             }
         }
         let first = |animation: &Arc<dyn Animation>| {
             let starts = animation.objects().iter().filter_map(|o| o.key_times.span_s());
             starts.map(|(start, _)| start).fold(f64::INFINITY, f64::min)
         };
-        let earliest = opened.values().map(first).fold(f64::INFINITY, f64::min);
+        let earliest =
+            opened.0.values().flatten().map(|(_, animation)| first(animation)).fold(f64::INFINITY, f64::min);
         let start_s = scene.start_s.unwrap_or(if earliest.is_finite() { earliest } else { 0.0 });
         Ok(Self { opened, start_s })
     }
 
     /// The objects that a source names: their path, their way and the time their soundtrack begins.
     fn find(&mut self, source: &Source) -> Result<Vec<(String, Way, f64)>> {
-        let animation = &self.opened[&source.file.path];
+        let Some(animation) = self.opened.of(source) else {
+            return Err(Error::new("the animation was not opened").in_file(&source.file.path));
+        };
         let all = animation.objects();
         let mut found: Vec<usize> = (0..all.len()).filter(|&i| source.object.matches(&all[i].path)).collect();
         // Exporters put a mesh or camera under a transform of its name. Where both match, or the

@@ -9,10 +9,10 @@ use super::camera::Camera;
 use super::fault::{Allowance, Fault, Outcome};
 use super::ogawa::{Child, Group};
 use super::polymesh::PolyMesh;
-use super::sample_cache::Ledger;
 use super::time_sampling::union;
 use super::xform::Xform;
 use crate::scene::animation::{KeyTimes, MeshSize, ObjectInfo, ObjectKind, Topology};
+use crate::scene::sample_cache::Ledger;
 use crate::{Error, Result};
 
 /// More levels than any scene has. Objects that contain themselves, by a damaged position or by

@@ -65,7 +65,6 @@ mod hierarchy;
 mod ogawa;
 mod polymesh;
 mod property;
-mod sample_cache;
 mod time_sampling;
 mod xform;
 
@@ -77,8 +76,8 @@ use self::archive::Archive;
 pub use self::camera::Lens;
 use self::fault::{Allowance, Fault, Outcome};
 use self::hierarchy::{Hierarchy, Node, Schema};
-use self::sample_cache::Ledger;
 use super::animation::{Animation, Mesh, MeshSize, ObjectInfo, Transform};
+use super::sample_cache::Ledger;
 use crate::{Error, Result};
 
 /// What even a small file may take: room for some ten thousand instances.

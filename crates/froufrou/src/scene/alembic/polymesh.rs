@@ -10,9 +10,9 @@ use super::archive::{Archive, Compound};
 use super::fault::{Allowance, Fault, Outcome};
 use super::ogawa::Ogawa;
 use super::property::Property;
-use super::sample_cache::{Ledger, SampleCache};
 use super::time_sampling::union;
 use crate::scene::animation::{KeyTimes, Mesh, MeshSize, Topology};
+use crate::scene::sample_cache::{Ledger, SampleCache};
 
 /// A mesh of which some or all properties change.
 #[derive(Debug)]

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use super::fault::{Allowance, Fault, Outcome};
 use super::ogawa::{Block, Group, Ogawa};
-use super::time_sampling::{Bracket, TimeSampling};
+use super::time_sampling::TimeSampling;
 use crate::scene::animation::KeyTimes;
+use crate::scene::bracket::Bracket;
 
 /// The hash of its values that begins the block of a sample.
 const KEY_SIZE: u64 = 16;

@@ -4,13 +4,10 @@ use std::sync::Arc;
 
 use super::fault::{Allowance, Fault, Outcome};
 use crate::scene::animation::KeyTimes;
+use crate::scene::bracket::Bracket;
 
 /// The time per cycle by which Alembic marks acyclic sampling.
 const ACYCLIC_TIME_PER_CYCLE: f64 = f64::MAX / 32.0;
-
-/// This near to a sample, as a share of the distance between two, a time is that sample's: times
-/// come back from sums and text slightly off, and must not fall to the sample before.
-const NEARLY: f64 = 1e-6;
 
 /// How sample indices relate to seconds.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,24 +18,6 @@ pub(super) enum TimeSampling {
     Cyclic { times_s: Arc<[f64]>, period_s: f64 },
     /// Any ascending times.
     Acyclic { times_s: Arc<[f64]> },
-}
-
-/// The samples around a time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Bracket {
-    /// The sample at or before the time.
-    pub(super) floor: u32,
-    /// The sample after it, or the same one where there is none.
-    pub(super) ceiling: u32,
-    /// Where the time lies between them, from 0 to below 1.
-    pub(super) fraction: f64,
-}
-
-impl Bracket {
-    /// Exactly at a sample.
-    pub(super) fn at(index: u32) -> Self {
-        Self { floor: index, ceiling: index, fraction: 0.0 }
-    }
 }
 
 impl TimeSampling {
@@ -95,28 +74,7 @@ impl TimeSampling {
 
     /// The samples around a time; before the first and after the last, that one.
     pub(super) fn bracket(&self, time_s: f64, samples: u32) -> Bracket {
-        let last = samples.saturating_sub(1);
-        if time_s <= self.time_s(0) {
-            return Bracket::at(0);
-        }
-        if time_s >= self.time_s(last) {
-            return Bracket::at(last);
-        }
-        // Invariant: time_s(floor) <= time < time_s(ceiling).
-        let (mut floor, mut ceiling) = (0, last);
-        while ceiling - floor > 1 {
-            let middle = floor + (ceiling - floor) / 2;
-            if self.time_s(middle) <= time_s { floor = middle } else { ceiling = middle }
-        }
-        let (before_s, after_s) = (self.time_s(floor), self.time_s(ceiling));
-        let fraction = (time_s - before_s) / (after_s - before_s);
-        if fraction < NEARLY {
-            Bracket::at(floor)
-        } else if fraction > 1.0 - NEARLY {
-            Bracket::at(ceiling)
-        } else {
-            Bracket { floor, ceiling, fraction }
-        }
+        Bracket::around(time_s, samples, |index| self.time_s(index))
     }
 
     /// The times of the first `samples` samples, paid for where they must be listed.

@@ -13,9 +13,9 @@ use super::archive::{Archive, Compound};
 use super::fault::{Allowance, Fault, Outcome};
 use super::ogawa::Ogawa;
 use super::property::{Pod, Property};
-use super::sample_cache::{Ledger, SampleCache};
 use super::time_sampling::union;
 use crate::scene::animation::KeyTimes;
+use crate::scene::sample_cache::{Ledger, SampleCache};
 
 /// One step of a transform, and so many of the sample's numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

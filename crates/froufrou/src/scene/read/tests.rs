@@ -9,7 +9,16 @@ use std::sync::LazyLock;
 static ROOM: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
     let room = tempfile::tempdir().unwrap_or_else(|e| panic!("{e}"));
     std::fs::create_dir(room.path().join("hits")).unwrap_or_else(|e| panic!("{e}"));
-    for name in ["tower.abc", "siren.wav", "hits/b.wav", "hits/a.wav", "contacts.csv.gz"] {
+    for name in [
+        "tower.abc",
+        "siren.wav",
+        "hits/b.wav",
+        "hits/a.wav",
+        "contacts.csv.gz",
+        "c.obj",
+        "c_1.obj",
+        "c_2.obj",
+    ] {
         std::fs::write(room.path().join(name), "").unwrap_or_else(|e| panic!("{e}"));
     }
     room
@@ -115,7 +124,14 @@ fn no_key_is_read_and_ignored() -> Result<()> {
                 "spacing = 1",
             ],
         ),
-        ("[listener]\ntrack = 'tower.abc#/C'\n", &["facing = [1, 0, 0]", "time_offset = 1"]),
+        (
+            "[listener]\ntrack = 'tower.abc#/C'\n",
+            &["facing = [1, 0, 0]", "time_offset = 1", "up = 'z'", "unit = 0.01", "frame_rate = 30"],
+        ),
+        (
+            "[[microphone]]\nname = 'm'\ntrack = 'tower.abc#/C'\n",
+            &["time_offset = 1", "up = 'z'", "unit = 0.01", "frame_rate = 30"],
+        ),
         (
             "[listener]\ntrack = [{ t = 0, position = [0, 0, 0] }]\n",
             &["interpolation = 'step'", "time_offset = 1"],
@@ -134,6 +150,7 @@ fn no_key_is_read_and_ignored() -> Result<()> {
             ],
         ),
         (object, &["time_offset = 1", "offset = [1, 0, 0]", "point = { vertex = 3 }", "body = 'b*'"]),
+        (object, &["up = 'z'", "unit = 0.01", "frame_rate = 30", "faces = 'c.obj'"]),
         (object, &["sound = { recording = 'siren.wav' }", "sound = [{ recordings = ['hits/*'] }]"]),
         (track, &["interpolation = 'linear'", "time_offset = 1"]),
         (
@@ -215,6 +232,24 @@ fn faults_name_the_line_the_key_and_the_remedy() {
             "[[object]]\nname = 'o'\nmaterial = 'wod'\n[material.wood]",
             "3:12: `object[0].material`: there is no material \"wod\" (did you mean `wood`?)",
         ),
+        (
+            &format!("{object}position = [0, 0, 0]\nunit = 0.01"),
+            "4:8: `object[0].unit`: means nothing without an animation file",
+        ),
+        (
+            &format!("{object}source = 'c.obj#/c'\nfaces = 'd.obj'"),
+            "4:9: `object[0].faces`: there is no file \"d.obj\"",
+        ),
+        (&format!("{object}source = 'd_*.obj#/d'"), "3:10: `object[0].source`: no file matches \"d_*.obj\""),
+        (
+            &format!("{object}source = '{{.,hits}}/../c_*.obj#/c'"),
+            "3:10: `object[0].source`: no file matches",
+        ),
+        (&format!("{object}source = '**/c_*.obj#/c'"), "3:10: `object[0].source`: a pattern of files may"),
+        (
+            &format!("{object}source = '../c_*.obj#/c'"),
+            "3:10: `object[0].source`: \"../c_*.obj\" leaves the scene's folder",
+        ),
         (&format!("{object}{object}"), "4:8: `object[1].name`: there is another object \"o\""),
         (
             &format!("{object}point = {{ vertex = 1 }}"),
@@ -268,6 +303,16 @@ fn files_of_absurd_size_or_depth_are_refused() -> Result<()> {
     std::fs::write(&path, b"rate = \xff").map_err(|e| Error::io("write", &path, e))?;
     assert!(Scene::open(&path, false).is_err_and(|e| e.to_string().contains("byte 7: not UTF-8")));
     assert!(Scene::open(room.path().join("none.toml"), false).is_err());
+    Ok(())
+}
+
+#[test]
+fn a_sequence_is_named_by_its_pattern() -> Result<()> {
+    let scene = parse("[[object]]\nname = 'o'\nsource = 'c_*.obj#/c'\nunit = 0.01")?;
+    let Some(Motion::Source(source)) = &scene.objects[0].motion else { panic!("no source") };
+    assert_eq!((source.file.name.as_str(), source.object.text()), ("c_*.obj", "/c"));
+    assert_eq!(source.file.path, ROOM.path().join("c_*.obj"));
+    assert_eq!(source.conventions, Conventions { unit_m: Some(0.01), ..Conventions::default() });
     Ok(())
 }
 

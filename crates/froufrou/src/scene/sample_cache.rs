@@ -4,18 +4,16 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::fault::Outcome;
-
-/// How much all caches of one archive hold together. A file may let thousands of meshes share one
+/// How much all caches of one file hold together. A file may let thousands of meshes share one
 /// big block; beyond the limit samples are read but not kept.
 #[derive(Debug)]
-pub(super) struct Ledger {
+pub(crate) struct Ledger {
     used: AtomicU64,
     limit: u64,
 }
 
 impl Ledger {
-    pub(super) fn new(limit: u64) -> Arc<Self> {
+    pub(crate) fn new(limit: u64) -> Arc<Self> {
         Arc::new(Self { used: AtomicU64::new(0), limit })
     }
 }
@@ -44,14 +42,14 @@ impl<T> Drop for Kept<T> {
 
 /// The two samples that were asked for last.
 #[derive(Debug)]
-pub(super) struct SampleCache<K, T> {
+pub(crate) struct SampleCache<K, T> {
     /// At most two, the latest last.
     kept: Mutex<Vec<(K, Kept<T>)>>,
     ledger: Arc<Ledger>,
 }
 
 impl<K: PartialEq, T> SampleCache<K, T> {
-    pub(super) fn new(ledger: &Arc<Ledger>) -> Self {
+    pub(crate) fn new(ledger: &Arc<Ledger>) -> Self {
         Self { kept: Mutex::new(Vec::new()), ledger: Arc::clone(ledger) }
     }
 
@@ -59,12 +57,12 @@ impl<K: PartialEq, T> SampleCache<K, T> {
     ///
     /// # Errors
     /// What `read` gives.
-    pub(super) fn get(
+    pub(crate) fn get<E>(
         &self,
         key: K,
-        read: impl FnOnce() -> Outcome<T>,
+        read: impl FnOnce() -> Result<T, E>,
         bytes: impl FnOnce(&T) -> u64,
-    ) -> Outcome<Arc<T>> {
+    ) -> Result<Arc<T>, E> {
         // A thread that panicked elsewhere leaves whole samples here, so its poison is harmless.
         let lock = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         {
@@ -101,7 +99,7 @@ mod tests {
             let sample = cache
                 .get(
                     key,
-                    || {
+                    || -> Result<i32, ()> {
                         reads.push(key);
                         Ok(key * 10)
                     },
@@ -119,10 +117,10 @@ mod tests {
         let (small, big) = (SampleCache::new(&ledger), SampleCache::new(&ledger));
         let mut reads = 0;
         for _ in 0..3 {
-            small.get(0, || Ok(1), |_| 60).expect("a read");
+            small.get(0, || -> Result<i32, ()> { Ok(1) }, |_| 60).expect("a read");
             big.get(
                 0,
-                || {
+                || -> Result<i32, ()> {
                     reads += 1;
                     Ok(2)
                 },
