@@ -5,6 +5,7 @@ pub mod animation;
 pub mod asset;
 pub mod contact_log;
 pub mod file;
+pub mod gltf;
 pub mod listener;
 mod positioned_file;
 mod read;

@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex};
 use super::alembic::Alembic;
 use super::animation::{Animation, KeyTimes, Mesh, ObjectKind, Transform};
 use super::file::{Microphone, Motion, Point, Scene, Source};
+use super::gltf::Gltf;
 use super::track::{Interpolation, Track};
 use crate::score::Pose;
 use crate::{Error, Place, Result};
@@ -16,6 +17,9 @@ use crate::{Error, Place, Result};
 /// # Errors
 /// A file that cannot be read, or whose format is not known.
 pub fn open_animation(path: impl AsRef<Path>) -> Result<Arc<dyn Animation>> {
+    if Gltf::is_at(&path) {
+        return Ok(Arc::new(Gltf::open(path)?));
+    }
     Ok(Arc::new(Alembic::open(path)?))
 }
 
