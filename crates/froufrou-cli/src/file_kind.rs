@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use froufrou::scene::gltf::Gltf;
 use froufrou::{Error, Result};
 
 /// Enough to get past the comments that stand above the first line of most text files.
@@ -16,6 +17,8 @@ pub enum FileKind {
     Scene,
     /// An Alembic archive.
     Alembic,
+    /// A glTF file, binary or JSON.
+    Gltf,
     /// An audio file; the name of its format.
     Recording(&'static str),
     /// A score in either space.
@@ -57,6 +60,7 @@ impl FileKind {
         let form = head.get(8..12).unwrap_or_default();
         Some(match head {
             [b'O', b'g', b'a', b'w', b'a', ..] | [0x89, b'H', b'D', b'F', ..] => Self::Alembic,
+            _ if Gltf::recognises(head) => Self::Gltf,
             [0x1f, 0x8b, ..] => Self::ContactLog,
             [b'R', b'I', b'F', b'F' | b'X', ..] if form == b"WAVE" => Self::Recording("WAV"),
             [b'R', b'F', b'6', b'4', ..] | [b'B', b'W', b'6', b'4', ..] if form == b"WAVE" => {
@@ -118,6 +122,7 @@ impl FileKind {
     fn of_name(name: &str) -> Option<Self> {
         let kinds = [
             (".toml", Self::Scene),
+            (".gltf", Self::Gltf),
             (".jsonl", Self::Events),
             (".score", Self::Score),
             (".csv", Self::ContactLog),
@@ -133,9 +138,12 @@ mod tests {
 
     #[test]
     fn content_goes_before_the_name() {
-        let cases: [(&[u8], &str, Option<FileKind>); 12] = [
+        let cases: [(&[u8], &str, Option<FileKind>); 15] = [
             (b"RIFF\0\0\0\0WAVEfmt ", "a.mp3", Some(FileKind::Recording("WAV"))),
             (b"Ogawa\xff", "a.bin", Some(FileKind::Alembic)),
+            (b"glTF\x02\0\0\0", "a.abc", Some(FileKind::Gltf)),
+            (b"{\n \"asset\" : {", "a.jsonl", Some(FileKind::Gltf)),
+            (b"{\"other\":1}", "a.gltf", Some(FileKind::Gltf)),
             (b"\x1f\x8b\x08", "a", Some(FileKind::ContactLog)),
             (b"\n# by hand\nfroufrou-score 1 object\n", "a.toml", Some(FileKind::Score)),
             (b"{\"kind\":\"impact\"}", "a.txt", Some(FileKind::Events)),

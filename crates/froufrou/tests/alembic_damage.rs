@@ -1,47 +1,16 @@
 //! Files that are cut short, flipped, absurd or malicious: always an error or a reading, never a
 //! panic, a hang, or memory beyond a small multiple of the file.
 
-use std::alloc::{GlobalAlloc, Layout, System};
+mod allocation;
+
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use allocation::{most_held, turn};
 use froufrou::scene::alembic::Alembic;
 use froufrou::scene::animation::{Animation, Mesh, ObjectKind};
 use froufrou::{Error, Place};
 use proptest::prelude::*;
-
-/// The system's allocator, which remembers how much was ever held at once.
-struct Counting;
-
-static HELD: AtomicUsize = AtomicUsize::new(0);
-static MOST: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call goes on to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        let held = HELD.fetch_add(layout.size(), Ordering::Relaxed) + layout.size();
-        MOST.fetch_max(held, Ordering::Relaxed);
-        // SAFETY: the caller's promise.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        HELD.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: the caller's promise.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// Memory is counted for the whole process, so these tests take turns.
-fn turn() -> MutexGuard<'static, ()> {
-    static TURN: Mutex<()> = Mutex::new(());
-    TURN.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 fn fixture(name: &str) -> Vec<u8> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/alembic");
@@ -81,10 +50,8 @@ impl Scratch {
     /// What reading gives, after checking that time, memory and the error are in order.
     fn try_bytes(&self, bytes: &[u8]) -> Result<usize, Error> {
         std::fs::write(self.path(), bytes).expect("a file");
-        let (begin, before) = (Instant::now(), HELD.load(Ordering::Relaxed));
-        MOST.store(before, Ordering::Relaxed);
-        let result = read_all(&self.path());
-        let most = MOST.load(Ordering::Relaxed).saturating_sub(before);
+        let begin = Instant::now();
+        let (result, most) = most_held(|| read_all(&self.path()));
         assert!(begin.elapsed() < Duration::from_secs(5), "it took {:?}", begin.elapsed());
         assert!(most < (48 << 20) + 64 * bytes.len(), "{most} bytes for a file of {}", bytes.len());
         if let Err(error) = &result {
@@ -387,15 +354,15 @@ fn a_long_animation_takes_the_memory_of_a_few_frames() {
     let top = writer.object(0, &[("mesh", "schema=AbcGeom_PolyMesh_v1", mesh)]);
     std::fs::write(scratch.path(), writer.finish(top)).expect("a file");
     drop(frames);
-    let before = HELD.load(Ordering::Relaxed);
-    MOST.store(before, Ordering::Relaxed);
-    let animation = Alembic::open(scratch.path()).expect("long but sound");
-    let mut mesh = Mesh::default();
-    for half_frame in 0..1999 {
-        animation.mesh(0, f64::from(half_frame) / 2.0, &mut mesh).expect("a sound sample");
-        assert_eq!(mesh.positions[0][0], half_frame as f32 * 1500.0);
-    }
-    let most = MOST.load(Ordering::Relaxed) - before;
+    let read = || {
+        let animation = Alembic::open(scratch.path()).expect("long but sound");
+        let mut mesh = Mesh::default();
+        for half_frame in 0..1999 {
+            animation.mesh(0, f64::from(half_frame) / 2.0, &mut mesh).expect("a sound sample");
+            assert_eq!(mesh.positions[0][0], half_frame as f32 * 1500.0);
+        }
+    };
+    let ((), most) = most_held(read);
     assert!(most < 12 * 12_000, "{most} bytes for frames of 12000");
 }
 

@@ -3,6 +3,8 @@
 mod alembic;
 mod contact_log;
 mod events;
+mod gltf;
+mod objects;
 mod recording;
 mod scene;
 mod score;
@@ -18,10 +20,10 @@ use self::sheet::Sheet;
 use crate::file_kind::FileKind;
 
 /// What is read.
-const READABLE: &str = "scenes (.toml), Alembic archives (.abc), audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, \
-                        MP3), scores, events (.jsonl) and contact logs (.csv, .csv.gz)";
+const READABLE: &str = "scenes (.toml), animations (Alembic .abc, glTF .gltf .glb), audio (WAV, RF64, AIFF, \
+                        FLAC, Ogg Vorbis, MP3), scores, events (.jsonl) and contact logs (.csv, .csv.gz)";
 
-/// Tells what is in a file: a scene, an Alembic archive, audio, a score, events or a contact log.
+/// Tells what is in a file: a scene, an animation, audio, a score, events or a contact log.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -80,6 +82,7 @@ impl Info {
         match FileKind::of(file, READABLE)? {
             FileKind::Scene => self.tell(&scene::read(file, self.allow_outside)?),
             FileKind::Alembic => self.tell(&alembic::read(file)?),
+            FileKind::Gltf => self.tell(&gltf::read(file)?),
             FileKind::Recording(format) => self.tell(&recording::read(file, format)?),
             FileKind::Score => self.tell(&score::read(file)?),
             FileKind::Events => self.tell(&events::read(file)?),

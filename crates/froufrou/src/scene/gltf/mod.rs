@@ -93,7 +93,7 @@ use crate::{Error, Place, Result};
 const SMALL: u64 = 16 << 20;
 
 /// The most that is kept of vertices, of faces and of joints between frames, each.
-const MOST_KEPT: u64 = 256 << 20;
+const MOST_KEPT: u64 = 64 << 20;
 
 /// How much of a file is looked at to tell what it is.
 const HEAD: u64 = 4096;

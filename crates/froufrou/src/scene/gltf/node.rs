@@ -17,10 +17,10 @@ const MOST_LEVELS: usize = 1000;
 pub(super) struct Node {
     pub(super) parent: Option<usize>,
     local: Local,
-    translation: Option<Track>,
-    rotation: Option<Track>,
-    scale: Option<Track>,
-    pub(super) weights: Option<Track>,
+    translation: Option<Box<Track>>,
+    rotation: Option<Box<Track>>,
+    scale: Option<Box<Track>>,
+    pub(super) weights: Option<Box<Track>>,
 }
 
 /// The transform that is written at the node.
@@ -155,7 +155,9 @@ impl Nodes {
                     format!("there is no sampler {}; there are {}", channel.sampler, clip.samplers.len());
                 return Err(damage(of(), what));
             };
-            let mut track = |kind, width| keys.track(sampler, kind, width, budget, &of).map(Some);
+            let mut track = |kind, width| {
+                keys.track(sampler, kind, width, budget, &of).map(|track| Some(Box::new(track)))
+            };
             match channel.target.path.as_str() {
                 "translation" => node.translation = track(Kind::Vec3, 3)?,
                 "rotation" => node.rotation = track(Kind::Vec4, 4)?,

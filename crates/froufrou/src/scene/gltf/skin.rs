@@ -38,7 +38,7 @@ impl Skin {
         match written.inverse_bind_matrices {
             None => inverse_bind.resize(written.joints.len(), DAffine3::IDENTITY),
             Some(accessor) => {
-                budget.charge(64 * data.count(accessor, &part)? as u64, part)?;
+                budget.charge((data.count(accessor, &part)? as u64).saturating_mul(64), part)?;
                 let matrices = data.floats(accessor, Kind::Mat4, Integers::Refused, &part)?;
                 let matrices = matrices.as_chunks::<16>().0;
                 if matrices.len() < written.joints.len() {

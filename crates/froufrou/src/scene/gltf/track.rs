@@ -56,7 +56,7 @@ impl<'a> Keys<'a> {
         if let Some(times) = self.times.get(&accessor) {
             return Ok(Arc::clone(times));
         }
-        budget.charge(8 * self.data.count(accessor, of)? as u64, of)?;
+        budget.charge((self.data.count(accessor, of)? as u64).saturating_mul(8), of)?;
         let times = self.data.floats(accessor, Kind::Scalar, Integers::Refused, of)?;
         if let Some(time) = times.iter().find(|time| !time.is_finite()) {
             return Err(damage(of(), format!("a key lies at the time {time}")));
@@ -92,7 +92,8 @@ impl<'a> Keys<'a> {
         let values = match self.values.get(&sampler.output) {
             Some(values) => Arc::clone(values),
             None => {
-                budget.charge(4 * width as u64 * self.data.count(sampler.output, of)? as u64, of)?;
+                let count = self.data.count(sampler.output, of)? as u64;
+                budget.charge(count.saturating_mul(4 * width as u64), of)?;
                 // Where the standard allows integers they are parts of the greatest.
                 let integers = if kind == Kind::Vec3 { Integers::Refused } else { Integers::Normalized };
                 let values = self.data.floats(sampler.output, kind, integers, of)?;
