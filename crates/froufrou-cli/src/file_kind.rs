@@ -138,12 +138,15 @@ mod tests {
 
     #[test]
     fn content_goes_before_the_name() {
-        let cases: [(&[u8], &str, Option<FileKind>); 15] = [
+        let cases: [(&[u8], &str, Option<FileKind>); 18] = [
             (b"RIFF\0\0\0\0WAVEfmt ", "a.mp3", Some(FileKind::Recording("WAV"))),
             (b"Ogawa\xff", "a.bin", Some(FileKind::Animation(AnimationFormat::Alembic))),
             (b"POINTCACHE2\0", "a", Some(FileKind::Animation(AnimationFormat::Pc2))),
             (b"# 8, a, b\nv 0 0 0\n", "a", Some(FileKind::Animation(AnimationFormat::Obj))),
             (b"o block\n", "a.csv", Some(FileKind::ContactLog)),
+            (b"glTF\x02\0\0\0", "a.abc", Some(FileKind::Animation(AnimationFormat::Gltf))),
+            (b"{\n \"asset\" : {", "a.jsonl", Some(FileKind::Animation(AnimationFormat::Gltf))),
+            (b"{\"other\":1}", "a.gltf", Some(FileKind::Animation(AnimationFormat::Gltf))),
             (b"\x1f\x8b\x08", "a", Some(FileKind::ContactLog)),
             (b"\n# by hand\nfroufrou-score 1 object\n", "a.toml", Some(FileKind::Score)),
             (b"{\"kind\":\"impact\"}", "a.txt", Some(FileKind::Events)),

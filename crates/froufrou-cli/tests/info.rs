@@ -140,6 +140,24 @@ fn point_caches_and_obj_are_listed() {
 }
 
 #[test]
+fn gltf_files_are_listed_with_their_clips() {
+    let told = told(&fixtures("gltf").join("skin.glb"));
+    assert_eq!((&told["kind"], &told["format"]), (&"animation".into(), &"glTF file".into()));
+    assert_eq!(told["facts"]["clips"], "bend (0 to 1 s), stand (0 to 0 s), swell (0 to 1 s)");
+    let body = told["objects"].as_array().unwrap().iter().find(|o| o["path"] == "/body").unwrap();
+    assert_eq!((&body["object"], &body["topology"]), (&"mesh".into(), &"homogeneous".into()));
+    assert_eq!((&body["vertices"], &body["faces"]), (&42.into(), &72.into()));
+    for axis in 0..3 {
+        let corner = |name: &str| told["bounds_m"][name][axis].as_f64().unwrap();
+        assert!(corner("least") < corner("greatest"));
+    }
+    // In one place at all times: what moves reaches farther than its first mesh.
+    let told = self::told(&fixtures("gltf").join("interpolation.gltf"));
+    let reach = |name: &str| told["bounds_m"][name][0].as_f64().unwrap();
+    assert!(reach("greatest") - reach("least") > 1.5);
+}
+
+#[test]
 fn events_are_counted() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("happened");

@@ -10,14 +10,15 @@ use froufrou::scene::alembic::Alembic;
 use froufrou::scene::animation::{Animation, KeyTimes, Mesh, ObjectInfo, ObjectKind, Topology};
 use froufrou::scene::conventions::{Conventions, DEFAULT_FRAME_RATE_HZ};
 use froufrou::scene::format::AnimationFormat;
+use froufrou::scene::gltf::Gltf;
 use froufrou::scene::obj::Obj;
 use froufrou::scene::point_cache::PointCache;
 use froufrou::scene::world::open_animation;
 use serde::Serialize;
 
-use super::alembic;
 use super::sheet::{Sheet, number, position};
 use super::{Findings, Range};
+use super::{alembic, gltf};
 
 /// What only one format knows, by a name that serves people, with spaces, and programs, without.
 pub type Facts = BTreeMap<&'static str, String>;
@@ -131,6 +132,11 @@ fn open(file: &Path, format: AnimationFormat) -> Result<(Arc<dyn Animation>, Fac
             let archive = Alembic::open(file)?;
             facts = alembic::facts(&archive);
             Arc::new(archive)
+        }
+        AnimationFormat::Gltf => {
+            let file = Gltf::open(file)?;
+            facts = gltf::facts(&file);
+            Arc::new(file)
         }
         AnimationFormat::Pc2 | AnimationFormat::Mdd => {
             let cache = PointCache::open(file, &Conventions::default())?;

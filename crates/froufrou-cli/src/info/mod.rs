@@ -4,6 +4,7 @@ mod alembic;
 mod animation;
 mod contact_log;
 mod events;
+mod gltf;
 mod recording;
 mod scene;
 mod score;
@@ -19,8 +20,8 @@ use self::sheet::Sheet;
 use crate::file_kind::FileKind;
 
 /// What is read.
-const READABLE: &str = "scenes (.toml), animations (.abc, .pc2, .mdd, .obj), audio (WAV, RF64, AIFF, FLAC, \
-                        Ogg Vorbis, MP3), scores, events (.jsonl) and contact logs (.csv, .csv.gz)";
+const READABLE: &str = "scenes (.toml), animations (.abc, .gltf, .glb, .pc2, .mdd, .obj), audio (WAV, RF64, \
+                        AIFF, FLAC, Ogg Vorbis, MP3), scores, events (.jsonl) and contact logs (.csv, .csv.gz)";
 
 /// Tells what is in a file: a scene, an animation, audio, a score, events or a contact log.
 #[derive(Debug, clap::Args)]

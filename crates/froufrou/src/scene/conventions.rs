@@ -1,5 +1,5 @@
 //! What a file does not say of itself, or says wrongly: its up axis, its unit of length, its frame
-//! rate, and where its faces are.
+//! rate, where its faces are, and which of its clips is meant.
 
 use std::path::PathBuf;
 
@@ -39,6 +39,9 @@ pub struct Conventions {
     /// The file with the faces of a point cache; where nothing is set, the OBJ file of the same name
     /// beside it, if there is one.
     pub faces: Option<PathBuf>,
+    /// The clip that is played, by its name, of files that hold several; the first where nothing is
+    /// set.
+    pub clip: Option<String>,
 }
 
 impl Conventions {

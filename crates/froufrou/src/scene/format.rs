@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use super::gltf::Gltf;
 use super::obj;
 use crate::{Error, Result};
 
@@ -16,6 +17,8 @@ const HEAD_BYTES: u64 = 16 << 10;
 pub enum AnimationFormat {
     /// An Alembic archive.
     Alembic,
+    /// A glTF file, binary or JSON.
+    Gltf,
     /// A point cache in the format PC2.
     Pc2,
     /// A point cache in the format MDD.
@@ -49,7 +52,7 @@ impl AnimationFormat {
             Error::new(if head.is_empty() { "the file is empty" } else { "no animation file that is known" })
                 .in_file(path)
                 .at(crate::Place::Byte(0))
-                .help("read are Alembic archives (.abc), point caches (.pc2, .mdd) and OBJ files (.obj)")
+                .help("read are Alembic (.abc), glTF (.gltf, .glb), point caches (.pc2, .mdd) and OBJ (.obj)")
         })
     }
 
@@ -63,6 +66,8 @@ impl AnimationFormat {
     pub fn of_head(head: &[u8], name: &str, length: u64) -> Option<Self> {
         if head.starts_with(b"Ogawa") || head.starts_with(b"\x89HDF") {
             Some(Self::Alembic)
+        } else if Gltf::recognises(head) {
+            Some(Self::Gltf)
         } else if head.starts_with(b"POINTCACHE2\0") {
             Some(Self::Pc2)
         } else if head_is_obj(head) {
@@ -71,8 +76,14 @@ impl AnimationFormat {
             Some(Self::Mdd)
         } else {
             // What bears the name is taken as such, so that its reader says what is wrong.
-            let endings =
-                [(".abc", Self::Alembic), (".pc2", Self::Pc2), (".mdd", Self::Mdd), (".obj", Self::Obj)];
+            let endings = [
+                (".abc", Self::Alembic),
+                (".gltf", Self::Gltf),
+                (".glb", Self::Gltf),
+                (".pc2", Self::Pc2),
+                (".mdd", Self::Mdd),
+                (".obj", Self::Obj),
+            ];
             endings.into_iter().find(|(ending, _)| name.ends_with(ending)).map(|(_, format)| format)
         }
     }
@@ -81,6 +92,7 @@ impl AnimationFormat {
     pub fn name(self) -> &'static str {
         match self {
             Self::Alembic => "Alembic archive",
+            Self::Gltf => "glTF file",
             Self::Pc2 => "PC2 point cache",
             Self::Mdd => "MDD point cache",
             Self::Obj => "OBJ file",
@@ -91,6 +103,11 @@ impl AnimationFormat {
     /// True for what counts frames, so that seconds need a frame rate.
     pub(crate) fn counts_frames(self) -> bool {
         matches!(self, Self::Pc2 | Self::ObjSequence)
+    }
+
+    /// True for what may hold several clips, of which one is played.
+    pub(crate) fn has_clips(self) -> bool {
+        self == Self::Gltf
     }
 
     /// True for what has vertices and no faces.
@@ -137,8 +154,10 @@ mod tests {
     #[test]
     fn content_goes_before_the_name() {
         let mdd = [0, 0, 0, 2, 0, 0, 0, 1, 9];
-        let cases: [(&[u8], &str, u64, Option<AnimationFormat>); 12] = [
+        let cases: [(&[u8], &str, u64, Option<AnimationFormat>); 14] = [
             (b"Ogawa\xff", "a.obj", 6, Some(AnimationFormat::Alembic)),
+            (b"glTF\x02\0\0\0", "a.abc", 8, Some(AnimationFormat::Gltf)),
+            (b"{\n \"asset\" : {", "a", 14, Some(AnimationFormat::Gltf)),
             (b"POINTCACHE2\0", "a.mdd", 12, Some(AnimationFormat::Pc2)),
             (&mdd, "a", 8 + 8 + 24, Some(AnimationFormat::Mdd)),
             (&mdd, "a", 8 + 8 + 25, None),

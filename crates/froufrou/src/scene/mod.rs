@@ -9,6 +9,7 @@ pub mod conventions;
 mod converted;
 pub mod file;
 pub mod format;
+pub mod gltf;
 pub mod listener;
 pub mod obj;
 pub mod point_cache;

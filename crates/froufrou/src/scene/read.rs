@@ -46,6 +46,7 @@ const LISTENER: Keys = &[
     "up",
     "unit",
     "frame_rate",
+    "clip",
     "offset",
     "layout",
     "spacing",
@@ -61,6 +62,7 @@ const MICROPHONE: Keys = &[
     "up",
     "unit",
     "frame_rate",
+    "clip",
     "offset",
 ];
 const SHAPE: Keys = &["c", "k"];
@@ -78,6 +80,7 @@ const OBJECT: Keys = &[
     "unit",
     "frame_rate",
     "faces",
+    "clip",
     "offset",
     "point",
     "material",
@@ -451,7 +454,9 @@ fn needs(table: &Table<'_, '_>, key: &str, what: &str) -> Result<()> {
 
 /// Refuses keys that say how a file is read where there is no file.
 fn needs_file(table: &Table<'_, '_>) -> Result<()> {
-    ["up", "unit", "frame_rate", "faces"].iter().try_for_each(|key| needs(table, key, "an animation file"))
+    ["up", "unit", "frame_rate", "faces", "clip"]
+        .iter()
+        .try_for_each(|key| needs(table, key, "an animation file"))
 }
 
 fn up(table: &Table<'_, '_>) -> Result<Option<UpAxis>> {
@@ -473,6 +478,7 @@ fn conventions(table: &Table<'_, '_>, folder: &Folder) -> Result<Conventions> {
             .get("frame_rate")
             .map(|node| node.within("frames a second", 0.001, 1_000_000.0))
             .transpose()?,
+        clip: table.get("clip").map(|node| node.text("the name of a clip")).transpose()?,
         faces: table
             .get("faces")
             .map(|node| with_place(&node, folder.file(&node.text(what)?)).map(|asset| asset.path))

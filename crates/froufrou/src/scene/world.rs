@@ -10,6 +10,7 @@ use super::conventions::Conventions;
 use super::converted::Converted;
 use super::file::{Microphone, Motion, Point, Scene, Source, Swarm};
 use super::format::AnimationFormat;
+use super::gltf::Gltf;
 use super::obj::Obj;
 use super::point_cache::PointCache;
 use super::track::{Interpolation, Track};
@@ -48,7 +49,11 @@ pub fn open_animation_as(path: impl AsRef<Path>, conventions: &Conventions) -> R
     if conventions.faces.is_some() && !format.has_no_faces() {
         return useless("faces", "it has faces of its own");
     }
+    if conventions.clip.is_some() && !format.has_clips() {
+        return useless("clip", "it is one clip");
+    }
     let animation: Arc<dyn Animation> = match format {
+        AnimationFormat::Gltf => Arc::new(Gltf::open_clip(path, conventions.clip.as_deref())?),
         AnimationFormat::Alembic => Arc::new(Alembic::open(path)?),
         AnimationFormat::Pc2 | AnimationFormat::Mdd => Arc::new(PointCache::open(path, conventions)?),
         AnimationFormat::Obj => Arc::new(Obj::open(path)?),
