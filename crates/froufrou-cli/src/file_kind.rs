@@ -16,6 +16,8 @@ pub enum FileKind {
     Scene,
     /// An Alembic archive.
     Alembic,
+    /// A USD file: text, binary or a package.
+    Usd,
     /// An audio file; the name of its format.
     Recording(&'static str),
     /// A score in either space.
@@ -57,6 +59,9 @@ impl FileKind {
         let form = head.get(8..12).unwrap_or_default();
         Some(match head {
             [b'O', b'g', b'a', b'w', b'a', ..] | [0x89, b'H', b'D', b'F', ..] => Self::Alembic,
+            [b'P', b'X', b'R', b'-', b'U', b'S', b'D', b'C', ..]
+            | [b'#', b'u', b's', b'd', b'a', ..]
+            | [b'P', b'K', 3, 4, ..] => Self::Usd,
             [0x1f, 0x8b, ..] => Self::ContactLog,
             [b'R', b'I', b'F', b'F' | b'X', ..] if form == b"WAVE" => Self::Recording("WAV"),
             [b'R', b'F', b'6', b'4', ..] | [b'B', b'W', b'6', b'4', ..] if form == b"WAVE" => {
@@ -133,9 +138,12 @@ mod tests {
 
     #[test]
     fn content_goes_before_the_name() {
-        let cases: [(&[u8], &str, Option<FileKind>); 12] = [
+        let cases: [(&[u8], &str, Option<FileKind>); 15] = [
             (b"RIFF\0\0\0\0WAVEfmt ", "a.mp3", Some(FileKind::Recording("WAV"))),
             (b"Ogawa\xff", "a.bin", Some(FileKind::Alembic)),
+            (b"PXR-USDC\0\x08", "a.usd", Some(FileKind::Usd)),
+            (b"#usda 1.0\n(\n)\n", "a.toml", Some(FileKind::Usd)),
+            (b"PK\x03\x04", "a.usdz", Some(FileKind::Usd)),
             (b"\x1f\x8b\x08", "a", Some(FileKind::ContactLog)),
             (b"\n# by hand\nfroufrou-score 1 object\n", "a.toml", Some(FileKind::Score)),
             (b"{\"kind\":\"impact\"}", "a.txt", Some(FileKind::Events)),

@@ -3,10 +3,13 @@
 mod alembic;
 mod contact_log;
 mod events;
+mod objects;
 mod recording;
 mod scene;
 mod score;
 mod sheet;
+#[cfg(feature = "usd")]
+mod usd;
 
 use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
@@ -18,10 +21,10 @@ use self::sheet::Sheet;
 use crate::file_kind::FileKind;
 
 /// What is read.
-const READABLE: &str = "scenes (.toml), Alembic archives (.abc), audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, \
-                        MP3), scores, events (.jsonl) and contact logs (.csv, .csv.gz)";
+const READABLE: &str = "scenes (.toml), Alembic archives (.abc), USD (.usd, .usda, .usdc, .usdz), audio (WAV, \
+                        RF64, AIFF, FLAC, Ogg Vorbis, MP3), scores, events (.jsonl) and contact logs (.csv, .csv.gz)";
 
-/// Tells what is in a file: a scene, an Alembic archive, audio, a score, events or a contact log.
+/// Tells what is in a file: a scene, an Alembic archive, a USD file, audio, a score, events or a contact log.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -80,6 +83,12 @@ impl Info {
         match FileKind::of(file, READABLE)? {
             FileKind::Scene => self.tell(&scene::read(file, self.allow_outside)?),
             FileKind::Alembic => self.tell(&alembic::read(file)?),
+            #[cfg(feature = "usd")]
+            FileKind::Usd => self.tell(&usd::read(file)?),
+            #[cfg(not(feature = "usd"))]
+            FileKind::Usd => Err(Error::new("the file is USD, which this froufrou was built without")
+                .in_file(file)
+                .help("build it with the feature `usd`")),
             FileKind::Recording(format) => self.tell(&recording::read(file, format)?),
             FileKind::Score => self.tell(&score::read(file)?),
             FileKind::Events => self.tell(&events::read(file)?),

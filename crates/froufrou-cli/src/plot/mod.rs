@@ -106,10 +106,11 @@ impl Plot {
             }
             FileKind::Events => events::draw(&self.file, &title, asked, size)?,
             FileKind::Score => score::draw(&self.file, &title, asked, size)?,
-            FileKind::Scene | FileKind::Alembic | FileKind::ContactLog => {
+            FileKind::Scene | FileKind::Alembic | FileKind::Usd | FileKind::ContactLog => {
                 let what = match kind {
                     FileKind::Scene => "a scene",
                     FileKind::Alembic => "an Alembic archive",
+                    FileKind::Usd => "a USD file",
                     _ => "a contact log",
                 };
                 return Err(Error::new(format!("{what} cannot be drawn"))

@@ -3,6 +3,7 @@
 pub mod alembic;
 pub mod animation;
 pub mod asset;
+mod between;
 pub mod contact_log;
 pub mod file;
 pub mod listener;
@@ -10,6 +11,8 @@ mod positioned_file;
 mod read;
 mod toml;
 pub mod track;
+#[cfg(feature = "usd")]
+pub mod usd;
 pub mod world;
 
 pub use file::Scene;

@@ -16,6 +16,11 @@ use crate::{Error, Place, Result};
 /// # Errors
 /// A file that cannot be read, or whose format is not known.
 pub fn open_animation(path: impl AsRef<Path>) -> Result<Arc<dyn Animation>> {
+    let path = path.as_ref();
+    #[cfg(feature = "usd")]
+    if super::usd::is_usd(path)? {
+        return Ok(Arc::new(super::usd::Usd::open(path)?));
+    }
     Ok(Arc::new(Alembic::open(path)?))
 }
 
