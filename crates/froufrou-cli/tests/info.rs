@@ -158,6 +158,27 @@ fn gltf_files_are_listed_with_their_clips() {
 }
 
 #[test]
+fn usd_files_are_listed_with_their_unit() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../froufrou/tests/usd");
+    for (name, up) in [("baked.usda", "Z"), ("y_up.usdc", "Y"), ("skeleton.usdz", "Z")] {
+        let told = told(&folder.join(name));
+        let kind = (&told["format"], &told["facts"]["up"]);
+        assert_eq!(kind, (&"USD file".into(), &format!("+{up}").into()), "{name}");
+        let facts = (&told["facts"]["unit"], &told["facts"]["time codes a second"]);
+        assert_eq!(facts, (&"1 m".into(), &"24".into()));
+        let objects = told["objects"].as_array().unwrap();
+        let of = |kind: &str| objects.iter().filter(|o| o["object"] == kind).count();
+        assert_eq!((of("mesh"), of("camera")), (5, 1), "{name}");
+        let bent = objects.iter().find(|o| o["path"] == "/root/Bent/BentMesh").unwrap();
+        assert_eq!(
+            (&bent["samples"], &bent["vertices"], &bent["faces"], &bent["topology"]),
+            (&25.into(), &16.into(), &13.into(), &"homogeneous".into())
+        );
+        assert!((bent["rate_hz"].as_f64().unwrap() - 24.0).abs() < 1e-6);
+    }
+}
+
+#[test]
 fn events_are_counted() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("happened");

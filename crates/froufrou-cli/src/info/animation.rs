@@ -138,6 +138,14 @@ fn open(file: &Path, format: AnimationFormat) -> Result<(Arc<dyn Animation>, Fac
             facts = gltf::facts(&file);
             Arc::new(file)
         }
+        #[cfg(feature = "usd")]
+        AnimationFormat::Usd => {
+            let file = froufrou::scene::usd::Usd::open(file)?;
+            facts = super::usd::facts(&file);
+            Arc::new(file)
+        }
+        #[cfg(not(feature = "usd"))]
+        AnimationFormat::Usd => open_animation(file)?,
         AnimationFormat::Pc2 | AnimationFormat::Mdd => {
             let cache = PointCache::open(file, &Conventions::default())?;
             let faces = cache.faces_file().map(|faces| faces.display().to_string());

@@ -9,6 +9,8 @@ mod recording;
 mod scene;
 mod score;
 mod sheet;
+#[cfg(feature = "usd")]
+mod usd;
 
 use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
@@ -20,8 +22,8 @@ use self::sheet::Sheet;
 use crate::file_kind::FileKind;
 
 /// What is read.
-const READABLE: &str = "scenes (.toml), animations (.abc, .gltf, .glb, .pc2, .mdd, .obj), audio (WAV, RF64, \
-                        AIFF, FLAC, Ogg Vorbis, MP3), scores, events (.jsonl) and contact logs (.csv, .csv.gz)";
+const READABLE: &str = "scenes (.toml), animations (.abc, .usd, .usda, .usdc, .usdz, .gltf, .glb, .pc2, .mdd, \
+                        .obj), audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), scores, events (.jsonl) and contact logs (.csv, .csv.gz)";
 
 /// Tells what is in a file: a scene, an animation, audio, a score, events or a contact log.
 #[derive(Debug, clap::Args)]

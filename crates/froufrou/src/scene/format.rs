@@ -19,6 +19,8 @@ pub enum AnimationFormat {
     Alembic,
     /// A glTF file, binary or JSON.
     Gltf,
+    /// A USD file: text, binary or a package.
+    Usd,
     /// A point cache in the format PC2.
     Pc2,
     /// A point cache in the format MDD.
@@ -52,7 +54,7 @@ impl AnimationFormat {
             Error::new(if head.is_empty() { "the file is empty" } else { "no animation file that is known" })
                 .in_file(path)
                 .at(crate::Place::Byte(0))
-                .help("read are Alembic (.abc), glTF (.gltf, .glb), point caches (.pc2, .mdd) and OBJ (.obj)")
+                .help("read are Alembic (.abc), USD (.usd, .usda, .usdc, .usdz), glTF (.gltf, .glb), point caches (.pc2, .mdd) and OBJ (.obj)")
         })
     }
 
@@ -68,6 +70,11 @@ impl AnimationFormat {
             Some(Self::Alembic)
         } else if Gltf::recognises(head) {
             Some(Self::Gltf)
+        } else if [b"PXR-USDC".as_slice(), b"#usda", b"PK\x03\x04"]
+            .iter()
+            .any(|magic| head.starts_with(magic))
+        {
+            Some(Self::Usd)
         } else if head.starts_with(b"POINTCACHE2\0") {
             Some(Self::Pc2)
         } else if head_is_obj(head) {
@@ -80,6 +87,10 @@ impl AnimationFormat {
                 (".abc", Self::Alembic),
                 (".gltf", Self::Gltf),
                 (".glb", Self::Gltf),
+                (".usd", Self::Usd),
+                (".usda", Self::Usd),
+                (".usdc", Self::Usd),
+                (".usdz", Self::Usd),
                 (".pc2", Self::Pc2),
                 (".mdd", Self::Mdd),
                 (".obj", Self::Obj),
@@ -93,6 +104,7 @@ impl AnimationFormat {
         match self {
             Self::Alembic => "Alembic archive",
             Self::Gltf => "glTF file",
+            Self::Usd => "USD file",
             Self::Pc2 => "PC2 point cache",
             Self::Mdd => "MDD point cache",
             Self::Obj => "OBJ file",
@@ -154,10 +166,12 @@ mod tests {
     #[test]
     fn content_goes_before_the_name() {
         let mdd = [0, 0, 0, 2, 0, 0, 0, 1, 9];
-        let cases: [(&[u8], &str, u64, Option<AnimationFormat>); 14] = [
+        let cases: [(&[u8], &str, u64, Option<AnimationFormat>); 16] = [
             (b"Ogawa\xff", "a.obj", 6, Some(AnimationFormat::Alembic)),
             (b"glTF\x02\0\0\0", "a.abc", 8, Some(AnimationFormat::Gltf)),
             (b"{\n \"asset\" : {", "a", 14, Some(AnimationFormat::Gltf)),
+            (b"PXR-USDC\0\x08", "a.abc", 10, Some(AnimationFormat::Usd)),
+            (b"#usda 1.0\n(\n)\n", "a", 14, Some(AnimationFormat::Usd)),
             (b"POINTCACHE2\0", "a.mdd", 12, Some(AnimationFormat::Pc2)),
             (&mdd, "a", 8 + 8 + 24, Some(AnimationFormat::Mdd)),
             (&mdd, "a", 8 + 8 + 25, None),

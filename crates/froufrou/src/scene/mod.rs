@@ -3,6 +3,7 @@
 pub mod alembic;
 pub mod animation;
 pub mod asset;
+mod between;
 mod bracket;
 pub mod contact_log;
 pub mod conventions;
@@ -18,6 +19,8 @@ mod read;
 mod sample_cache;
 mod toml;
 pub mod track;
+#[cfg(feature = "usd")]
+pub mod usd;
 mod wander;
 pub mod wind;
 pub mod world;

@@ -53,6 +53,14 @@ pub fn open_animation_as(path: impl AsRef<Path>, conventions: &Conventions) -> R
         return useless("clip", "it is one clip");
     }
     let animation: Arc<dyn Animation> = match format {
+        #[cfg(feature = "usd")]
+        AnimationFormat::Usd => Arc::new(super::usd::Usd::open(path)?),
+        #[cfg(not(feature = "usd"))]
+        AnimationFormat::Usd => {
+            return Err(Error::new("the file is USD, which this froufrou was built without")
+                .in_file(path)
+                .help("build it with the feature `usd`"));
+        }
         AnimationFormat::Gltf => Arc::new(Gltf::open_clip(path, conventions.clip.as_deref())?),
         AnimationFormat::Alembic => Arc::new(Alembic::open(path)?),
         AnimationFormat::Pc2 | AnimationFormat::Mdd => Arc::new(PointCache::open(path, conventions)?),

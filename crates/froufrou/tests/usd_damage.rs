@@ -1,0 +1,221 @@
+//! USD files that are cut short, flipped, absurd or malicious: always an error or a reading, never a
+//! panic, a hang, or memory beyond a small multiple of the file.
+
+#![cfg(feature = "usd")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use froufrou::Error;
+use froufrou::scene::animation::{Animation, Mesh, ObjectKind};
+use froufrou::scene::usd::Usd;
+
+/// The system's allocator, which remembers how much was ever held at once.
+struct Counting;
+
+static HELD: AtomicUsize = AtomicUsize::new(0);
+static MOST: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: every call goes on to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        let held = HELD.fetch_add(layout.size(), Ordering::Relaxed) + layout.size();
+        MOST.fetch_max(held, Ordering::Relaxed);
+        // SAFETY: the caller's promise.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        HELD.fetch_sub(layout.size(), Ordering::Relaxed);
+        // SAFETY: the caller's promise.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Memory is counted for the whole process, so these tests take turns.
+fn turn() -> MutexGuard<'static, ()> {
+    static TURN: Mutex<()> = Mutex::new(());
+    TURN.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn fixture(name: &str) -> Vec<u8> {
+    std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/usd").join(name)).expect("a fixture")
+}
+
+/// Opens the file and reads everything at a few times; the first error ends it.
+fn read_all(path: &Path) -> Result<usize, Error> {
+    let animation = Usd::open(path)?;
+    let mut mesh = Mesh::default();
+    for (index, object) in animation.objects().iter().enumerate() {
+        let (first_s, last_s) = object.key_times.span_s().unwrap_or((0.0, 0.0));
+        for time_s in [first_s, first_s + 0.013, last_s] {
+            animation.transform(index, time_s)?;
+            if object.kind == ObjectKind::Mesh {
+                animation.mesh(index, time_s, &mut mesh)?;
+            }
+        }
+    }
+    Ok(animation.objects().len())
+}
+
+struct Scratch {
+    folder: tempfile::TempDir,
+}
+
+impl Scratch {
+    fn new() -> Self {
+        Self { folder: tempfile::tempdir().expect("a folder") }
+    }
+
+    /// What reading gives, after checking that time, memory and the error are in order.
+    fn try_bytes(&self, bytes: &[u8]) -> Result<usize, Error> {
+        let path = self.folder.path().join("damaged.usd");
+        std::fs::write(&path, bytes).expect("a file");
+        let (begin, before) = (Instant::now(), HELD.load(Ordering::Relaxed));
+        MOST.store(before, Ordering::Relaxed);
+        let result = read_all(&path);
+        let most = MOST.load(Ordering::Relaxed).saturating_sub(before);
+        assert!(begin.elapsed() < Duration::from_secs(20), "it took {:?}", begin.elapsed());
+        assert!(most < (96 << 20) + 200 * bytes.len(), "{most} bytes for a file of {}", bytes.len());
+        if let Err(error) = &result {
+            assert!(error.file().is_some() && error.place().is_some(), "{error}");
+            assert!(error.to_string().ends_with(')'), "no advice: {error}");
+        }
+        result
+    }
+
+    fn error(&self, bytes: &[u8]) -> String {
+        self.try_bytes(bytes).expect_err("this cannot be read").to_string()
+    }
+}
+
+/// The library's panics are caught; their messages would only fill the test's output.
+fn quietly() {
+    static ONCE: std::sync::Once = std::sync::Once::new();
+    ONCE.call_once(|| {
+        let usual = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |info| {
+            if std::thread::current().name() != Some("usd") {
+                usual(info);
+            }
+        }));
+    });
+}
+
+#[test]
+fn other_kinds_of_file_are_named() {
+    let (_turn, scratch) = (turn(), Scratch::new());
+    assert!(scratch.error(b"").contains("not a USD file"));
+    assert!(scratch.error(b"Ogawa\xff").contains("not a USD file"));
+    assert!(scratch.error(b"PXR-USDC").contains("ends before"));
+    assert!(scratch.error(b"PK\x03\x04 and nothing").contains("no directory"));
+    let missing = Usd::open(scratch.folder.path().join("none.usd")).expect_err("nothing there").to_string();
+    assert!(missing.contains("none.usd"), "{missing}");
+}
+
+#[test]
+fn truncated_files_are_an_error_or_a_reading() {
+    let (_turn, scratch) = (turn(), Scratch::new());
+    quietly();
+    for (name, step) in [("skeleton.usdc", 397), ("skeleton.usdz", 997), ("skeleton.usda", 1499)] {
+        let whole = fixture(name);
+        for length in (8..whole.len()).step_by(step) {
+            let result = scratch.try_bytes(&whole[..length]);
+            assert!(length > whole.len() / 2 || result.is_err(), "{name}: {length} of {} bytes", whole.len());
+        }
+    }
+}
+
+#[test]
+fn flipped_bytes_are_an_error_or_a_reading() {
+    let (_turn, scratch) = (turn(), Scratch::new());
+    quietly();
+    let random = froufrou::random::Random::new(7, 1);
+    let mut errors = 0;
+    // `FROUFROU_FLIPS` asks for more, for a night.
+    let flips: u64 = std::env::var("FROUFROU_FLIPS").ok().and_then(|n| n.parse().ok()).unwrap_or(250);
+    for (file, name) in ["skeleton.usdc", "skeleton.usda", "baked.usdc"].into_iter().enumerate() {
+        let whole = fixture(name);
+        for case in 0..flips {
+            let mut bytes = whole.clone();
+            let uniform = |index: u64| random.uniform((file as u64 * flips + case) * 16 + index);
+            for flip in 0..1 + (uniform(0) * 3.0) as u64 {
+                // Half of them where the index lies: at the end of a binary layer.
+                let share = uniform(2 * flip + 1);
+                let share = if case % 2 == 0 { 0.75 + share / 4.0 } else { share };
+                let at = ((share * bytes.len() as f64) as usize).clamp(8, bytes.len() - 1);
+                bytes[at] = (uniform(2 * flip + 2) * 256.0) as u8;
+            }
+            errors += u64::from(scratch.try_bytes(&bytes).is_err());
+        }
+    }
+    assert!(errors > flips / 10, "only {errors} of {} were noticed", 3 * flips);
+}
+
+#[test]
+fn brackets_within_brackets_do_not_exhaust_the_stack() {
+    let (_turn, scratch) = (turn(), Scratch::new());
+    for open in ["{", "(", "[", "def \"a\" {\n", "def \"a\" (\n customData = {\n dictionary a = {\n"] {
+        let text = format!("#usda 1.0\n{}", open.repeat(100_000));
+        let error = scratch.error(text.as_bytes());
+        assert!(error.contains("brackets within each other"), "{error}");
+    }
+}
+
+#[test]
+fn what_a_mesh_claims_is_checked() {
+    let (_turn, scratch) = (turn(), Scratch::new());
+    let mesh = |counts: &str, indices: &str, more: &str| {
+        let text = format!(
+            "#usda 1.0\ndef Mesh \"M\" {{\n int[] faceVertexCounts = {counts}\n int[] faceVertexIndices = {indices}\n \
+             point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]\n {more}\n}}\n"
+        );
+        scratch.error(text.as_bytes())
+    };
+    for (counts, indices, more, says) in [
+        ("[4]", "[0, 1, 2]", "", "count 4 corners, but 3"),
+        ("[3]", "[0, 1, 3]", "", "name vertex 3, but there are 3"),
+        ("[3]", "[0, 1, -2]", "", "no type that belongs here"),
+        ("[2147483647, 2147483647]", "[0]", "", "count 4294967294 corners"),
+        ("[3]", "[0, 1, 2]", "rel skel:skeleton = </nowhere>", "is not there"),
+        ("[3]", "[0, 1, 2]", "uniform token[] xformOpOrder = [\"xformOp:wobble\"]", "wobble"),
+    ] {
+        let error = mesh(counts, indices, more);
+        assert!(error.contains(says) && error.contains("/M"), "{error}");
+    }
+    for (metadata, says) in [
+        ("timeCodesPerSecond = 0", "timeCodesPerSecond"),
+        ("metersPerUnit = -1", "metersPerUnit"),
+        ("upAxis = \"W\"", "`W`"),
+    ] {
+        let error = scratch.error(format!("#usda 1.0\n(\n {metadata}\n)\n").as_bytes());
+        assert!(error.contains(says), "{error}");
+    }
+}
+
+#[test]
+fn references_that_go_round_or_multiply_end() {
+    let (_turn, scratch) = (turn(), Scratch::new());
+    quietly();
+    let error = scratch.error(
+        b"#usda 1.0\ndef \"A\" (\n references = </B>\n) {\n}\ndef \"B\" (\n references = </A>\n) {\n}\n",
+    );
+    assert!(error.contains("cycle"), "{error}");
+    // Each level holds ten of the level before: 10^20 prims.
+    let mut text = String::from("#usda 1.0\ndef Xform \"L0\" {\n}\n");
+    for level in 1..=20 {
+        text += &format!("def Xform \"L{level}\" {{\n");
+        for child in 0..10 {
+            text += &format!(" def \"c{child}\" (\n references = </L{}>\n ) {{\n }}\n", level - 1);
+        }
+        text += "}\n";
+    }
+    let error = scratch.error(text.as_bytes());
+    assert!(error.contains("too much for the file's size"), "{error}");
+}
