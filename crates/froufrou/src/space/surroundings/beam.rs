@@ -78,7 +78,7 @@ impl Beam {
     }
 
     /// From a body's coordinates to those of the beam.
-    pub fn into_beam(&self, to_world: &DAffine3) -> DAffine3 {
+    pub fn local_map(&self, to_world: &DAffine3) -> DAffine3 {
         let matrix = self.into * to_world.matrix3;
         DAffine3 { matrix3: matrix, translation: self.into * (to_world.translation - self.begin) }
     }
@@ -272,7 +272,7 @@ mod tests {
     fn gain(triangles: &[[DVec3; 3]]) -> f64 {
         let mut beam = Beam::new();
         assert!(beam.aim(DVec3::ZERO, DVec3::X * 4.0, 1.0));
-        let into = beam.into_beam(&DAffine3::IDENTITY);
+        let into = beam.local_map(&DAffine3::IDENTITY);
         for t in triangles {
             beam.cover_triangle(t.map(|c| into.transform_point3(c)));
         }

@@ -208,7 +208,7 @@ fn cover(beam: &mut Beam, form: &Form, to_world: &DAffine3, part: f64, but: Opti
     if part == 0.0 {
         return;
     }
-    let from_local = beam.into_beam(to_world);
+    let from_local = beam.local_map(to_world);
     form.tree.walk(
         beam,
         |beam, bounds, is_leaf| match beam.meet(&from_local, bounds) {
