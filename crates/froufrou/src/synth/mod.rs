@@ -3,6 +3,7 @@
 pub mod instrument;
 pub mod mixer;
 pub mod path;
+pub mod procedure;
 pub mod prototypes;
 pub mod sinc;
 pub mod voice;
