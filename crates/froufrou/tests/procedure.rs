@@ -140,18 +140,19 @@ fn bees_have_the_pitch_and_spread_that_they_are_given() {
 
     // The drift of the shipped bee, with its harmonics filtered away.
     for (speed, expected) in [(0.0, 220.0), (10.0, 220.0 * 1.3)] {
-        let given = [("jitter", 0.0), ("drift", 0.05), ("drift_time", 0.05), ("speed", speed)];
-        let bee = Play { seconds: 60.0, ..Play::default() }.render(&shipped("bees.rhai", &given)).unwrap();
+        let given = [("jitter", 0.0), ("drift", 0.05), ("drift_time", 0.3), ("speed", speed)];
+        let play = Play { rate_hz: 8000.0, seconds: 240.0, ..Play::default() };
+        let bee = play.render(&shipped("bees.rhai", &given)).unwrap();
         let mut low = bee;
         for _ in 0..4 {
             let mut state = 0.0;
             low.iter_mut().for_each(|sample| {
-                state += (*sample - state) * (TAU * 60.0 / RATE_HZ);
+                state += (*sample - state) * (TAU * 60.0 / play.rate_hz);
                 *sample = state;
             });
         }
         let pitches: Vec<f64> =
-            rises(&low[4800..]).windows(2).map(|pair| RATE_HZ / (pair[1] - pair[0])).collect();
+            rises(&low[4800..]).windows(2).map(|pair| play.rate_hz / (pair[1] - pair[0])).collect();
         let (mean, deviation) = mean_and_deviation(&pitches);
         println!("bee at {speed} m/s: {mean:.1} Hz, deviation {:.4}", deviation / mean);
         assert!((mean / expected - 1.0).abs() < 0.01, "{mean}");
@@ -201,7 +202,7 @@ fn pink_noise_falls_by_ten_decibels_a_decade() {
         let octaves: Vec<f64> = (0..9).map(|n| 10.0 * octave(31 << n).log10()).collect();
         let mean = octaves.iter().sum::<f64>() / 9.0;
         println!("pink noise at {rate_hz}: octaves {octaves:.2?}");
-        assert!(octaves.iter().all(|level| (level - mean).abs() < 0.7), "{octaves:?}");
+        assert!(octaves.iter().all(|level| (level - mean).abs() < 0.8), "{octaves:?}");
     }
 }
 
@@ -266,7 +267,7 @@ fn resonators_decays_envelopes_and_lines_are_their_closed_forms() {
             envelope[index]
         );
     }
-    assert!(line[13_000].abs() < 1e-6 && (line[10_800] - 1.5).abs() < 0.1);
+    assert!(line[13_000].abs() < 1e-6 && (line[10_800] - 3.0 * (1.0 - 0.023 / 0.05)).abs() < 1e-3);
     assert!((envelope[14_400 - 200] - 0.4).abs() < 1e-3 && envelope[14_496 + 9600] < 0.41e-3);
 }
 

@@ -5,6 +5,9 @@ use rhai::{EvalAltResult, Position};
 use super::words;
 use crate::{Error, Place};
 
+/// What helps when a script breaks a limit.
+pub(super) const LIMITS: &str = "docs/procedures.md lists the limits";
+
 /// A position in a script as the place of an error.
 pub(super) fn place(position: Position) -> Option<Place> {
     let line = position.line()?;
@@ -43,7 +46,7 @@ pub(super) fn of_running(mut error: EvalAltResult) -> Error {
 fn told(error: &EvalAltResult) -> (String, Option<String>) {
     match error {
         EvalAltResult::ErrorTerminated(reason, _) => {
-            (format!("the script is stopped: {reason}"), Some("see the limits of procedures".to_owned()))
+            (format!("the script is stopped: {reason}"), Some(LIMITS.to_owned()))
         }
         EvalAltResult::ErrorRuntime(thrown, _) => (thrown.to_string(), None),
         EvalAltResult::ErrorFunctionNotFound(signature, _) => {
@@ -59,6 +62,12 @@ fn told(error: &EvalAltResult) -> (String, Option<String>) {
             let help = "a function that the script itself calls sees its arguments, and of the top of the \
                         script only constants, units, buffers and parameters";
             (format!("there is no variable `{name}`"), Some(help.to_owned()))
+        }
+        EvalAltResult::ErrorDataTooLarge(what, _) => {
+            (format!("the script is stopped: {} is too large", what.to_lowercase()), Some(LIMITS.to_owned()))
+        }
+        EvalAltResult::ErrorTooManyVariables(_) => {
+            (format!("more than {} variables", super::limits::VARIABLES), Some(LIMITS.to_owned()))
         }
         EvalAltResult::ErrorStackOverflow(_) => {
             (format!("functions call each other more than {} deep", super::limits::CALL_DEPTH), None)

@@ -15,7 +15,8 @@ pub(super) fn engine() -> Engine {
     BasicIteratorPackage::new().register_into_engine(&mut engine);
     BasicStringPackage::new().register_into_engine(&mut engine);
     // Function pointers can hold ever more in their arguments, which no limit sees.
-    for symbol in ["eval", "Fn", "call", "curry"] {
+    // And maps are not held to any limit when a new key is set.
+    for symbol in ["eval", "Fn", "call", "curry", "#{"] {
         engine.disable_symbol(symbol);
     }
     engine.set_optimization_level(OptimizationLevel::Simple);
@@ -24,7 +25,6 @@ pub(super) fn engine() -> Engine {
     engine.set_max_functions(limits::FUNCTIONS);
     engine.set_max_variables(limits::VARIABLES);
     engine.set_max_array_size(limits::ARRAY);
-    engine.set_max_map_size(limits::MAP);
     engine.set_max_string_size(limits::STRING);
     engine.on_progress(limits::tick);
     engine.on_print(|line| {
@@ -41,7 +41,8 @@ pub(super) fn engine() -> Engine {
     });
     // The engine marks these two as ones that may change with its next version.
     #[expect(deprecated)]
-    engine.on_var(|name, index, _| {
+    engine.on_var(|name, index, context| {
+        limits::weigh(context.scope())?;
         // A variable of the function itself has a number, and is not ours.
         if index != 0 { Ok(None) } else { host::with(|host| Ok(host.named(name))) }
     });

@@ -4,7 +4,7 @@
 use std::cell::Cell;
 use std::time::{Duration, Instant};
 
-use rhai::Dynamic;
+use rhai::{Dynamic, EvalAltResult, Position, Scope};
 
 /// Longest script, in bytes.
 pub(super) const SOURCE_BYTES: u64 = 64 << 10;
@@ -36,8 +36,11 @@ pub(super) const FUNCTIONS: usize = 64;
 pub(super) const VARIABLES: usize = 64;
 /// Most numbers in an array, with all that is in it.
 pub(super) const ARRAY: usize = 1024;
-/// Most entries of a map, with all that is in it.
-pub(super) const MAP: usize = 128;
+/// Most values in all variables that a function sees at one time. An array within an array is not held
+/// to the limit of the outer one when it is put there by its index, so this is.
+pub(super) const VALUES: usize = 1 << 14;
+/// How many variables are looked at between two times that they are weighed.
+const WEIGH_EVERY: u64 = 64;
 /// Longest string, in bytes.
 pub(super) const STRING: usize = 256;
 /// Most parameters.
@@ -58,7 +61,9 @@ pub(super) const EVENTS: usize = 4096;
 pub(super) const PRINTED: usize = 100;
 
 thread_local! {
-    static METER: Meter = const { Meter { used: Cell::new(0), most: Cell::new(0), until: Cell::new(None) } };
+    static METER: Meter = const {
+        Meter { used: Cell::new(0), most: Cell::new(0), until: Cell::new(None), looks: Cell::new(0) }
+    };
 }
 
 /// Counts what the call that this thread is in has taken.
@@ -66,6 +71,8 @@ struct Meter {
     used: Cell<u64>,
     most: Cell<u64>,
     until: Cell<Option<Instant>>,
+    /// Variables looked at.
+    looks: Cell<u64>,
 }
 
 /// Starts a call that may take so many operations.
@@ -94,6 +101,41 @@ pub(super) fn tick(used: u64) -> Option<Dynamic> {
         }
         None
     })
+}
+
+/// Is asked whenever a variable is looked at, and stops a call whose variables hold too much.
+pub(super) fn weigh(scope: &Scope<'_>) -> Result<(), Box<EvalAltResult>> {
+    let looks = METER.with(|meter| {
+        meter.looks.set(meter.looks.get() + 1);
+        meter.looks.get()
+    });
+    if !looks.is_multiple_of(WEIGH_EVERY) {
+        return Ok(());
+    }
+    let mut left = VALUES;
+    for (_, _, value) in scope.iter_raw() {
+        let Some(rest) = left.checked_sub(values(value, left)) else {
+            // Not one that a script can catch.
+            let reason = format!("its variables hold more than {VALUES} values");
+            return Err(EvalAltResult::ErrorTerminated(reason.into(), Position::NONE).into());
+        };
+        left = rest;
+    }
+    Ok(())
+}
+
+/// How many values there are in one, as far as it matters: when there are more than enough the rest is
+/// not counted.
+fn values(value: &Dynamic, enough: usize) -> usize {
+    let Ok(array) = value.as_array_ref() else { return 1 };
+    let mut count = 1;
+    for value in array.iter() {
+        if count > enough {
+            break;
+        }
+        count += values(value, enough);
+    }
+    count
 }
 
 /// What a generator has to spend: so much a stretch, some of which may be saved.

@@ -187,7 +187,7 @@ fn the_reference_names_every_word_and_limit() {
         ("functions", limits::FUNCTIONS.to_string()),
         ("variables at a time", limits::VARIABLES.to_string()),
         ("values in an array", limits::ARRAY.to_string()),
-        ("entries of a map", limits::MAP.to_string()),
+        ("values in all variables of a function", limits::VALUES.to_string()),
         ("bytes of a string", limits::STRING.to_string()),
         ("parameters", limits::PARAMETERS.to_string()),
         ("units", limits::UNITS.to_string()),

@@ -98,16 +98,17 @@ impl Voice {
         let used = limits::used();
         self.purse.spend(used);
         result.map_err(|error| {
-            let error = if used > most && most < limits::CALL_OPERATIONS {
+            let stopped = used > most && most < limits::CALL_OPERATIONS;
+            let mut error = fault::of_running(*error);
+            if stopped {
                 let second = limits::per_second(rate_hz);
                 let what = format!("the script is stopped: it takes more than {second} operations a second");
-                let error = fault::of_running(*error);
-                let place = error.place().cloned();
-                let error = Error::new(what).help("see the limits of procedures");
-                if let Some(place) = place { error.at(place) } else { error }
-            } else {
-                fault::of_running(*error)
-            };
+                error = Error::new(what).help(fault::LIMITS);
+            }
+            // What breaks a limit is told without its place: it is then at least in this function.
+            if let Some(place) = language::line_of(&self.program.ast, name) {
+                error = error.at(place);
+            }
             error.in_file(&self.program.file)
         })
     }

@@ -40,7 +40,14 @@ impl Oscillator {
     ) {
         let [pitches, jitters, _] = around.rooms;
         let (pitches, jitters) = (&mut pitches[..out.len()], &mut jitters[..out.len()]);
-        frequency.fill(pitches);
+        match frequency {
+            // The pitch in the middle between two samples takes the phase from one to the other.
+            Signal::Ramp(Ramp { from, to }) => {
+                let half = 0.5 * (to - from) / pitches.len() as f64;
+                super::fill(Ramp { from: from + half, to: to + half }, pitches);
+            }
+            Signal::Samples(_) => frequency.fill(pitches),
+        }
         jitter.map(jitters, |jitter| jitter.clamp(0.0, 0.5));
         let highest = match frequency {
             Signal::Ramp(Ramp { to, .. }) => to.abs(),

@@ -5,8 +5,12 @@ use super::{Around, Event};
 /// Most blows that touch at one time; of more, the oldest are forgotten.
 const MOST: usize = 64;
 
+/// How many samples a blow lasts at least.
+const SHORTEST: f64 = 2.0;
+
 /// Each blow is a raised cosine as long as the striker touches, whose samples sum to how hard it is. It
-/// lasts two samples at least, and may begin between two.
+/// may begin between two samples. One that is too short for them to follow is a triangle of two samples,
+/// which is just where it should be on average.
 #[derive(Debug, Default)]
 pub(in crate::synth::procedure) struct Pulse {
     /// Of each blow: samples since it began (below 0: still to come), length in samples, sum.
@@ -21,7 +25,7 @@ impl Pulse {
                 if self.blows.len() == MOST {
                     self.blows.remove(0);
                 }
-                self.blows.push([-at, (contact_s * around.rate_hz).max(2.0), amount]);
+                self.blows.push([-at, (contact_s * around.rate_hz).max(SHORTEST), amount]);
             }
         }
         let count = out.len() as f64;
@@ -29,7 +33,12 @@ impl Pulse {
             for (index, sample) in out.iter_mut().enumerate() {
                 let x = *since + index as f64;
                 if x > 0.0 && x < *length {
-                    *sample += *amount / *length * (1.0 - (std::f64::consts::TAU * x / *length).cos());
+                    let share = if *length <= SHORTEST {
+                        1.0 - (x - 1.0).abs()
+                    } else {
+                        (1.0 - (std::f64::consts::TAU * x / *length).cos()) / *length
+                    };
+                    *sample += *amount * share;
                 }
             }
             *since += count;
