@@ -6,6 +6,7 @@ pub mod mixer;
 pub mod modal;
 pub mod needle;
 pub mod path;
+pub mod procedure;
 pub mod prototypes;
 pub mod sinc;
 mod source;

@@ -415,7 +415,7 @@ fn events_name_bodies_in_order_and_the_lines_that_told_of_them() -> Result<()> {
 fn a_log_that_does_not_tell_its_step_is_refused_with_advice() {
     let header = "t,bodyA,bodyB,px,py,pz,Fn,nx,ny,nz,vrel_n\n";
     let row = |t: f64| format!("{t},a,b,0,0,0,200,0,1,0,-3\n");
-    let text = |rows: &[f64]| header.to_owned() + &rows.iter().map(|t| row(*t)).collect::<String>();
+    let text = |rows: &[f64]| header.to_owned() + rows.iter().map(|t| row(*t)).collect::<String>().as_str();
     for times in [&[0.5, 1.3, 1.9][..], &[0.5][..]] {
         let fault = log_events(&text(times), None).err().map(|e| e.to_string()).unwrap_or_default();
         assert!(fault.contains("log.csv") && fault.contains("`step`"), "{fault}");

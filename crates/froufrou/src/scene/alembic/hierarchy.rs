@@ -147,7 +147,7 @@ impl Tree {
             names.push(self.0[index].name.as_str());
             index = self.0[index].parent;
         }
-        names.iter().rev().fold(String::new(), |path, name| path + "/" + name)
+        names.iter().rev().fold(String::new(), |path, name| path + "/" + *name)
     }
 
     /// Gives every instance the objects it stands for.
