@@ -192,9 +192,9 @@ fn arrays_beyond_their_buffer_are_refused_before_they_are_believed() {
     for count in [21, 1 << 20, 1 << 40, u64::MAX / 12, u64::MAX] {
         let error = scratch.refused(&mesh(&accessor(5126, "VEC3", count), ""));
         assert!(error.contains("do not fit") || error.contains("too many"), "{error}");
-        let error =
-            scratch.refused(&mesh(&format!(r#"{{"componentType":5126,"type":"VEC3","count":{count}}}"#), ""));
-        assert!(count < 100 || error.contains("too many"), "{count}: {error}");
+        // Without a buffer they are zeros, of which a small file may have some.
+        let zeros = mesh(&format!(r#"{{"componentType":5126,"type":"VEC3","count":{count}}}"#), "");
+        assert!(count < 1 << 30 || scratch.refused(&zeros).contains("too many"), "{count}");
     }
     let with_view = |view: &str| {
         mesh(&accessor(5126, "VEC3", 3), "").replace(&format!(r#""buffer":0,"byteLength":{BYTES}"#), view)
@@ -359,9 +359,8 @@ fn a_long_animation_is_read_in_bounded_memory() {
     let file = std::fs::File::create(name).expect("a file");
     let mut file = std::io::BufWriter::new(file);
     for frame in 0..frames {
-        for _ in 0..3 * vertices {
-            std::io::Write::write_all(&mut file, &(frame as f32).to_le_bytes()).expect("a file");
-        }
+        let all = (frame as f32).to_le_bytes().repeat(3 * vertices);
+        std::io::Write::write_all(&mut file, &all).expect("a file");
     }
     for time in 0..frames {
         std::io::Write::write_all(&mut file, &(time as f32).to_le_bytes()).expect("a file");
@@ -438,12 +437,12 @@ fn flipped_bytes_all_over_the_file_end_well() {
     for name in FIXTURES {
         let whole = fixture(name);
         let mut refused = 0;
-        for index in (0..whole.len()).step_by(3) {
+        for index in (0..whole.len()).step_by(5) {
             let mut bytes = whole.clone();
             bytes[index] ^= if index % 2 == 0 { 0xff } else { 1 << (index / 2 % 8) };
             refused += usize::from(scratch.try_bytes(&bytes).is_err());
         }
-        assert!(refused > whole.len() / 60, "only {refused} of {} were found", whole.len());
+        assert!(refused > whole.len() / 100, "only {refused} of {} were found", whole.len());
     }
 }
 
