@@ -52,7 +52,8 @@
 //! # Memory
 //! All layers are in memory while the file is opened, and afterwards all samples of what is used. It
 //! is no more than 64 times the layers' length and 32 MiB, and usually about that length. A stage may
-//! have 16 384 prims and one more for every eight bytes of its layers.
+//! have 8192 prims and one more for every 32 bytes of its layers; while it is composed each takes about
+//! 8 kB.
 //!
 //! # Damaged files
 //! Every count and offset of a binary layer is held against its length before the library decodes

@@ -19,11 +19,11 @@ use crate::scene::animation::{KeyTimes, ObjectInfo, ObjectKind, Topology};
 use crate::{Error, Place, Result};
 
 /// How many prims even a small file may have. References that multiply are stopped there: composing
-/// a prim takes some tenths of a millisecond.
-const SMALL_PRIMS: u64 = 16 << 10;
+/// a prim takes some tenths of a millisecond and 8 kB.
+const SMALL_PRIMS: u64 = 8 << 10;
 
 /// Beyond that, a prim needs so many bytes of layers.
-const PRIM_BYTES: u64 = 8;
+const PRIM_BYTES: u64 = 32;
 
 /// More levels than any scene has.
 const MOST_LEVELS: usize = 1000;
