@@ -402,6 +402,26 @@ fn every_example_of_the_reference_runs() {
 }
 
 #[test]
+fn the_swarm_of_the_reference_flies() {
+    let reference = include_str!("../../../docs/procedures.md");
+    let script = reference.split("```rhai-swarm\n").nth(1).unwrap().split("```").next().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("fireflies.rhai");
+    std::fs::write(&file, script).unwrap();
+    let flight = froufrou::synth::procedure::Flight::open(&file, Random::new(1, 2)).unwrap();
+    for member in 0..5 {
+        // A circle at one height, at an even pace.
+        let at = |time| flight.position_m(member, time).unwrap();
+        let radius = |p: [f64; 3]| p[0].hypot(p[2]);
+        let angle = |p: [f64; 3], q: [f64; 3]| (p[0] * q[2] - p[2] * q[0]).atan2(p[0] * q[0] + p[2] * q[2]);
+        let (a, b, c) = (at(0.0), at(0.5), at(1.0));
+        assert!((radius(a) - radius(b)).abs() < 1e-9 && (0.5..1.5).contains(&radius(a)));
+        assert!(a[1] == b[1] && (angle(a, b) - angle(b, c)).abs() < 1e-9);
+        assert!((0.5..1.0).contains(&angle(a, b)), "{}", angle(a, b));
+    }
+}
+
+#[test]
 fn all_rates_and_wrong_ones() {
     let procedure = shipped("bees.rhai", &[]);
     for rate_hz in [8000.0, 44_100.0, 192_000.0] {

@@ -18,6 +18,7 @@ use super::wander::Wander;
 use super::wind::WindField;
 use crate::random::Random;
 use crate::score::Pose;
+use crate::synth::procedure::Flight;
 use crate::{Error, Place, Result};
 
 /// Opens an animation file of any format that is known, told apart by its content. A pattern in the
@@ -102,12 +103,15 @@ enum Way {
 enum Stray {
     /// It wanders, so far from the middle.
     Wander(Arc<[Wander; 3]>, f64),
+    /// A script says where, by the number of the member.
+    Scripted(Flight, usize),
 }
 
 impl Stray {
     fn at(&self, time_s: f64) -> Result<[f64; 3]> {
         match self {
             Stray::Wander(axes, radius_m) => Ok(std::array::from_fn(|axis| radius_m * axes[axis].at(time_s))),
+            Stray::Scripted(flight, member) => flight.position_m(*member, time_s),
         }
     }
 }
@@ -432,7 +436,9 @@ impl World {
                 None => bodies.collect(),
                 Some(swarm) => {
                     let random = Random::new(scene.seed, SWARMS + index as u64);
-                    bodies.flat_map(|body| members(swarm, body, random)).collect()
+                    let flight = swarm.script.as_ref().map(|script| Flight::open(&script.path, random));
+                    let flight = flight.transpose()?;
+                    bodies.flat_map(|body| members(swarm, body, random, flight.as_ref())).collect()
                 }
             });
         }
@@ -449,12 +455,15 @@ impl World {
 }
 
 /// The members of a swarm about a body.
-fn members(swarm: &Swarm, body: Body, random: Random) -> Vec<Body> {
+fn members(swarm: &Swarm, body: Body, random: Random, flight: Option<&Flight>) -> Vec<Body> {
     let Some(middle) = body.carrier.map(Arc::new) else { return Vec::new() };
     let rate = swarm.speed_mps / (MEAN_SPEED * swarm.radius_m);
     let member = |number: usize| {
         let wander = |axis: usize| Wander::new(random, (3 * number + axis) as u64, rate);
-        let stray = Stray::Wander(Arc::new(std::array::from_fn(wander)), swarm.radius_m);
+        let stray = match flight {
+            Some(flight) => Stray::Scripted(flight.clone(), number),
+            None => Stray::Wander(Arc::new(std::array::from_fn(wander)), swarm.radius_m),
+        };
         let carrier = Carrier {
             way: Way::Member { middle: Arc::clone(&middle), stray },
             point: Point::Offset([0.0; 3]),

@@ -12,6 +12,7 @@ use super::mixer::Sounding;
 use super::modal::bar::Ends;
 use super::modal::{self, Modes, Shape};
 use super::needle::Needle;
+use super::procedure::Procedure;
 use super::stick_slip::StickSlip;
 use super::turbulence::Turbulence;
 use super::voice::Prototype;
@@ -72,7 +73,9 @@ fn instrument(sound: &Sound, make: &Make, folder: &Path) -> Result<Arc<dyn Instr
         Make::Needle => Needle::new(&sound.with).map(|needle| Arc::new(needle) as _),
         Make::StickSlip => StickSlip::new(&sound.with).map(|body| Arc::new(body) as _),
         Make::Turbulence => Turbulence::new(&sound.with).map(|air| Arc::new(air) as _),
-        Make::Procedure { .. } => Err(Error::new("procedures cannot be played yet")),
+        Make::Procedure { script } => {
+            Procedure::open(folder.join(script), &sound.with).map(|procedure| Arc::new(procedure) as _)
+        }
         Make::Recording { .. } => Err(Error::new("a recording is no instrument")),
     };
     made.map_err(named)

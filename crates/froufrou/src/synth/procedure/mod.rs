@@ -24,6 +24,7 @@
 //! ```
 
 mod fault;
+mod flight;
 mod graph;
 mod host;
 mod language;
@@ -35,6 +36,8 @@ mod words;
 
 #[cfg(test)]
 mod tests;
+
+pub use self::flight::Flight;
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -62,6 +65,28 @@ struct Program {
     has_strike: bool,
 }
 
+/// Reads the text of a script.
+fn read_source(file: &Path) -> Result<String> {
+    let mut source = Vec::new();
+    std::fs::File::open(file)
+        .map_err(|error| Error::io("open", file, error))?
+        .take(limits::SOURCE_BYTES + 1)
+        .read_to_end(&mut source)
+        .map_err(|error| Error::io("read", file, error))?;
+    check_length(source.len() as u64).map_err(|error| error.in_file(file))?;
+    String::from_utf8(source).map_err(|error| {
+        let at = crate::Place::Byte(error.utf8_error().valid_up_to() as u64);
+        Error::new("a script is UTF-8 text; here it is not").in_file(file).at(at)
+    })
+}
+
+fn check_length(bytes: u64) -> Result<()> {
+    if bytes <= limits::SOURCE_BYTES {
+        return Ok(());
+    }
+    Err(Error::new(format!("a script is at most {} bytes long", limits::SOURCE_BYTES)))
+}
+
 /// A sound made by a script.
 pub struct Procedure {
     program: Arc<Program>,
@@ -86,17 +111,7 @@ impl Procedure {
     /// A file that cannot be read, and what [`Procedure::new`] refuses.
     pub fn open(file: impl AsRef<Path>, given: &[(String, f64)]) -> Result<Self> {
         let file = file.as_ref();
-        let mut source = Vec::new();
-        std::fs::File::open(file)
-            .map_err(|error| Error::io("open", file, error))?
-            .take(limits::SOURCE_BYTES + 1)
-            .read_to_end(&mut source)
-            .map_err(|error| Error::io("read", file, error))?;
-        let source = String::from_utf8(source).map_err(|error| {
-            let at = crate::Place::Byte(error.utf8_error().valid_up_to() as u64);
-            Error::new("a script is UTF-8 text; here it is not").in_file(file).at(at)
-        })?;
-        Self::new(file, &source, given)
+        Self::new(file, &read_source(file)?, given)
     }
 
     /// Reads a script from text. `file` is its name in messages; `given` are the initial values of its
@@ -108,10 +123,7 @@ impl Procedure {
     pub fn new(file: impl Into<PathBuf>, source: &str, given: &[(String, f64)]) -> Result<Self> {
         let file = file.into();
         let inside = |error: Error| error.in_file(&file);
-        if source.len() as u64 > limits::SOURCE_BYTES {
-            let what = format!("a script is at most {} bytes long", limits::SOURCE_BYTES);
-            return Err(inside(Error::new(what)));
-        }
+        check_length(source.len() as u64).map_err(inside)?;
         for (index, (name, _)) in given.iter().enumerate() {
             if given[..index].iter().any(|(before, _)| before == name) {
                 let fault = Error::new(format!("`{name}` is given twice"));
