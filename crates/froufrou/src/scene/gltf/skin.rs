@@ -86,7 +86,7 @@ impl Skinned {
             moved += weight * self.0[joint as usize].transform_point3(point);
             sum += weight;
         }
-        moved / sum
+        moved * (1.0 / sum)
     }
 }
 
