@@ -42,6 +42,9 @@ const PADDING_BYTES: usize = 4096;
 /// The most bytes of a block of metadata.
 const MAX_METADATA_BYTES: usize = (1 << 24) - 1;
 
+/// The most frames that the beginning of a file can tell: 36 bits.
+pub(super) const MAX_FRAMES: u64 = (1 << 36) - 1;
+
 /// Writes one FLAC file, block by block.
 ///
 /// ```
@@ -215,7 +218,7 @@ impl FlacWriter {
         info.extend_from_slice(&(least as u32).to_be_bytes()[1..]);
         info.extend_from_slice(&(self.most_bytes as u32).to_be_bytes()[1..]);
         // Lengths beyond 36 bits are not told.
-        let frames = if frames < 1 << 36 { frames } else { 0 };
+        let frames = if frames <= MAX_FRAMES { frames } else { 0 };
         let packed = u64::from(self.format.rate_hz) << 44
             | (self.format.channels as u64 - 1) << 41
             | (u64::from(self.format.samples.bits()) - 1) << 36

@@ -6,6 +6,7 @@ use std::io::{BufReader, BufWriter, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use super::broadcast::{Broadcast, Description};
+use super::flac;
 use super::format::{SampleFormat, SoundFormat};
 use super::labels::Labels;
 use super::meter::{Meter, Report};
@@ -94,7 +95,14 @@ pub fn write<L: Iterator<Item = Result<ChannelLine>>>(
     }
     let mut threads = 0;
     let mut scaled = Vec::new();
+    let mut known_end = first_frame;
     offline::render(mixer, channels, extent, output.stems.is_some(), |piece: Piece<'_>| {
+        if piece.reaches > known_end {
+            known_end = piece.reaches;
+            // Said at once, not when the disk is full.
+            let done = mix.frames;
+            kind.check(piece.reaches.saturating_sub(first_frame), done, &output.path)?;
+        }
         for begun in piece.begun {
             threads += 1;
             log(begun)?;
@@ -151,20 +159,57 @@ struct Kind {
     is_spooled: bool,
 }
 
+impl Kind {
+    /// Refuses a sound that cannot be written to its end, as far as that is known beforehand: of so
+    /// many frames, of which some are done.
+    fn check(&self, frames: u64, done: u64, path: &Path) -> Result<()> {
+        if self.container == Container::Flac && frames > flac::MAX_FRAMES {
+            return Err(Error::new("the sound is longer than a FLAC file can be: 2^36 frames")
+                .in_file(path)
+                .help("render shorter ranges, or a WAV file"));
+        }
+        let spooled = if self.is_spooled { size_of::<f32>() } else { 0 };
+        // How far FLAC will shrink it nobody knows.
+        let stored = if self.container == Container::Wav { self.format.samples.bytes() } else { 0 };
+        let needed =
+            frames.saturating_sub(done).saturating_mul((self.format.channels * (stored + spooled)) as u64);
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        match fs4::available_space(folder) {
+            Ok(room) if needed > room => {
+                let gigabytes = |bytes: u64| format!("{:.1} GB", bytes as f64 / 1e9);
+                let what = format!(
+                    "the sound takes {}, and the disk has room for {}",
+                    gigabytes(needed),
+                    gigabytes(room)
+                );
+                Err(Error::new(what)
+                    .in_file(path)
+                    .help("render shorter ranges, fewer channels or fewer bits, or FLAC"))
+            }
+            // Where the system does not tell, the disk will.
+            _ => Ok(()),
+        }
+    }
+}
+
 /// One file on its way: written at once, or, where the gain is known only at the end, kept beside.
 struct Track {
     writer: SoundWriter,
     spool: Option<Spool>,
+    channels: usize,
+    /// Frames so far.
+    frames: u64,
 }
 
 impl Track {
     fn create(path: &Path, kind: &Kind) -> Result<Self> {
         let writer = SoundWriter::create(kind.container, path, kind.format, kind.labels.clone())?;
         let spool = kind.is_spooled.then(|| Spool::beside(path)).transpose()?;
-        Ok(Self { writer, spool })
+        Ok(Self { writer, spool, channels: kind.format.channels, frames: 0 })
     }
 
     fn write(&mut self, samples: &[f32]) -> Result<()> {
+        self.frames += (samples.len() / self.channels) as u64;
         match &mut self.spool {
             Some(spool) => spool.write(samples),
             None => self.writer.write(samples),
