@@ -1,7 +1,7 @@
 //! Files that are seen only when they are whole.
 
 use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 
 use froufrou::{Error, Result, WholeFile};
 
@@ -56,4 +56,17 @@ pub fn write(path: &Path, content: &[u8]) -> Result<()> {
     let mut output = Output::create(path)?;
     output.write_all(content).map_err(|fault| Error::io("write", path, fault))?;
     output.finish()
+}
+
+/// A path as it is called from a folder.
+pub fn relative(path: &Path, folder: &Path) -> String {
+    let absolute = |p: &Path| {
+        let p = if p.as_os_str().is_empty() { Path::new(".") } else { p };
+        p.canonicalize().unwrap_or_else(|_| p.to_owned())
+    };
+    let (path, folder) = (absolute(path), absolute(folder));
+    let shared = path.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
+    let up = folder.components().skip(shared).map(|_| Component::ParentDir);
+    let relative: PathBuf = up.chain(path.components().skip(shared)).collect();
+    relative.components().map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
 }

@@ -1,5 +1,6 @@
 //! The `froufrou` command: animations in, soundtracks out.
 
+mod completions;
 mod demo;
 mod events;
 mod file_kind;
@@ -8,6 +9,7 @@ mod info;
 mod mix;
 mod plot;
 mod progress;
+mod reaper;
 mod render;
 mod score;
 mod soundtrack;
@@ -42,6 +44,8 @@ enum Command {
     Mix(mix::Mix),
     Info(info::Info),
     Plot(plot::Plot),
+    Completions(completions::Completions),
+    Man(completions::Man),
 }
 
 fn main() -> ExitCode {
@@ -53,6 +57,8 @@ fn main() -> ExitCode {
         Command::Mix(command) => command.run(),
         Command::Info(command) => command.run(),
         Command::Plot(command) => command.run(),
+        Command::Completions(command) => command.run(),
+        Command::Man(command) => command.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,6 +1,6 @@
 //! `froufrou score`: from a scene to its score, or from one form of a score to another.
 
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use froufrou::Result;
@@ -128,20 +128,7 @@ fn relocated<R: Clone>(header: &Header<R>, folder: &Path, output: &Path) -> Head
     let from = output.parent().unwrap_or(Path::new(""));
     let mut header = header.clone();
     for file in header.files_mut() {
-        *file = relative(&folder.join(&*file), from);
+        *file = files::relative(&folder.join(&*file), from);
     }
     header
-}
-
-/// A path as it is called from a folder.
-fn relative(path: &Path, folder: &Path) -> String {
-    let absolute = |p: &Path| {
-        let p = if p.as_os_str().is_empty() { Path::new(".") } else { p };
-        p.canonicalize().unwrap_or_else(|_| p.to_owned())
-    };
-    let (path, folder) = (absolute(path), absolute(folder));
-    let shared = path.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
-    let up = folder.components().skip(shared).map(|_| Component::ParentDir);
-    let relative: PathBuf = up.chain(path.components().skip(shared)).collect();
-    relative.components().map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
 }

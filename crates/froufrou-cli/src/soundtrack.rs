@@ -4,9 +4,11 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
+use froufrou::render::broadcast::Description;
+use froufrou::render::format::SampleFormat;
 use froufrou::render::offline::Extent;
 use froufrou::render::soundtrack::{self, Output, Summary};
-use froufrou::render::wav::SampleFormat;
+use froufrou::render::timecode::{Origination, Timecode};
 use froufrou::score::{ChannelHeader, ChannelLine};
 use froufrou::synth::mixer::{Begun, Mixer};
 use froufrou::synth::prototypes::Soundings;
@@ -15,13 +17,14 @@ use serde_json::json;
 
 use crate::files;
 use crate::progress::Progress;
+use crate::reaper;
 use crate::usage;
 
 /// Where the soundtrack goes and how.
 #[derive(Args, Clone)]
 pub struct Options {
-    /// The soundtrack to write
-    #[arg(short, long, value_name = "OUT.wav")]
+    /// The soundtrack to write, WAV or FLAC by its ending; beyond 4 GiB a WAV file is RF64
+    #[arg(short, long, value_name = "OUT.wav|OUT.flac")]
     pub output: PathBuf,
 
     /// Sample rate in hertz, 8000 to 192000
@@ -36,11 +39,11 @@ pub struct Options {
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub to: Option<f64>,
 
-    /// A folder for a soundtrack of each object
+    /// A folder for a soundtrack of each object, in the same format
     #[arg(long, value_name = "DIR")]
     pub stems: Option<PathBuf>,
 
-    /// Sample format: 16 (dithered), 24 or 32f bits
+    /// Sample format: 16 (dithered), 24 or 32f bits; 32f only of WAV
     #[arg(long, value_name = "BITS", default_value = "24", value_parser = sample_format)]
     pub format: SampleFormat,
 
@@ -56,6 +59,23 @@ pub struct Options {
     /// A log of every sound: when, what, where and why, one JSON object a line
     #[arg(long, value_name = "LOG.jsonl")]
     pub log: Option<PathBuf>,
+
+    /// A Reaper project with a track for each stem, the mix beside them and a marker for each sound;
+    /// without `--stems` they are put in a folder beside it
+    #[arg(long, value_name = "PROJECT.rpp")]
+    pub reaper: Option<PathBuf>,
+
+    /// What the soundtrack is, in words, for its `bext` chunk or FLAC tags
+    #[arg(long, value_name = "TEXT")]
+    pub description: Option<String>,
+
+    /// When time 0 is, since midnight: samples, HH:MM:SS, HH:MM:SS.mmm or HH:MM:SS:FF@RATE
+    #[arg(long, value_name = "TIMECODE", value_parser = timecode)]
+    pub time_reference: Option<Timecode>,
+
+    /// When it was made, YYYY-MM-DD or YYYY-MM-DDTHH:MM:SS; not told unless it is given
+    #[arg(long, value_name = "DATE", value_parser = origination)]
+    pub origination: Option<Origination>,
 
     /// Threads to use; the sound does not depend on it [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
@@ -91,6 +111,14 @@ fn sample_format(text: &str) -> Result<SampleFormat, String> {
     text.parse().map_err(|error: Error| error.to_string())
 }
 
+fn timecode(text: &str) -> Result<Timecode, String> {
+    text.parse().map_err(|error: Error| error.to_string())
+}
+
+fn origination(text: &str) -> Result<Origination, String> {
+    text.parse().map_err(|error: Error| error.to_string())
+}
+
 /// Renders lines to files, with a progress bar and a report.
 pub fn write<L>(
     options: &Options,
@@ -108,13 +136,22 @@ where
     }
     let channels = header.receivers.len();
     let extent = Extent { rate_hz, from_s: options.from, to_s: options.to, duration_s: header.duration_s };
+    let mut project = options.reaper.as_deref().map(reaper::Session::new).transpose()?;
+    let stems = options.stems.clone().or_else(|| project.as_ref().map(reaper::Session::stems_folder));
+    let description = Description {
+        text: options.description.clone().unwrap_or_default(),
+        origination: options.origination.clone(),
+        start: options.time_reference.unwrap_or_default(),
+    };
     let output = Output {
         path: options.output.clone(),
-        stems: options.stems.clone(),
+        stems,
         samples: options.format,
         seed,
         gain_db: options.gain,
         normalize_dbtp: options.normalize,
+        channel_names: header.receivers.clone(),
+        description,
     };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads.map_or(0, usize::from)).build();
     let pool = pool.map_err(|fault| Error::new("cannot start threads").because(fault))?;
@@ -134,14 +171,20 @@ where
             &extent,
             &output,
             &mut |frames| progress.at(frames),
-            &mut |begun| match &mut log {
-                Some(log) => log_line(log, begun, &recordings),
-                None => Ok(()),
+            &mut |begun| {
+                if let Some(project) = &mut project {
+                    project.mark(begun);
+                }
+                log.as_mut().map_or(Ok(()), |log| log_line(log, begun, &recordings))
             },
         )
     })?;
     drop(progress);
     log.map_or(Ok(()), files::Output::finish)?;
+    if let Some(project) = project {
+        let start = options.time_reference.unwrap_or_default().samples(rate_hz).saturating_add(first);
+        project.write(&options.output, &summary, rate_hz, channels, first, start)?;
+    }
     report(options, rate_hz, channels, &summary)?;
     Ok(summary)
 }

@@ -228,6 +228,10 @@ fn a_bad_command_line_is_2_and_bad_input_is_1() {
         "render scene.toml -o out.wav --from 1 --to 1",
         "render scene.toml -o out.wav --threads 0",
         "render scene.toml -o out.wav --layout seven",
+        "render scene.toml -o out.wav --time-reference 25:00:00",
+        "render scene.toml -o out.wav --origination yesterday",
+        "completions tcsh",
+        "man",
         "mix odd.score -o out.wav --gain 1e9",
         "score scene.toml --sort thread",
         "score odd.score --space channel",
@@ -245,6 +249,11 @@ fn a_bad_command_line_is_2_and_bad_input_is_1() {
         ("mix scene.toml -o out.wav", "scene.toml:1"),
         ("render scene.toml -o missing/out.wav", "missing/out.wav"),
         ("render scene.toml -o .", "found a folder"),
+        ("render scene.toml -o out.mp3", "sound is written as `.wav` or `.flac`, not as `.mp3`"),
+        ("render scene.toml -o out", "ends in `.wav` or `.flac`"),
+        ("render scene.toml -o out.flac --format 32f", "out.flac: FLAC has no float samples"),
+        ("render scene.toml -o out.wav --description é", "can only have ASCII characters"),
+        ("render scene.toml -o out.wav --reaper out.txt", "out.txt: expected the name of a Reaper project"),
     ] {
         let said = studio.fail(1, line);
         assert!(said.starts_with("froufrou: ") && said.contains(expected), "`{line}`: {said}");
@@ -335,7 +344,7 @@ fn whoever_reads_the_output_may_stop() {
 }
 
 #[test]
-fn what_no_file_can_hold_is_refused_at_once() {
+fn what_no_disk_can_hold_is_refused_at_once() {
     let studio = Studio::new();
     studio.file(
         "long.score",
@@ -345,7 +354,11 @@ fn what_no_file_can_hold_is_refused_at_once() {
     for score in ["long", "late"] {
         let begin = std::time::Instant::now();
         let said = studio.fail(1, &format!("mix {score}.score -o out.wav"));
-        assert!(said.contains("longer than a WAV file can be"), "{said}");
+        assert!(said.contains("the disk has room for"), "{said}");
+        let said = studio.fail(1, &format!("mix {score}.score -o out.flac"));
+        assert!(said.contains("longer than a FLAC file can be"), "{said}");
+        let said = studio.fail(1, &format!("mix {score}.score -o out.wav --normalize"));
+        assert!(said.contains("the disk has room for"), "{said}");
         assert!(begin.elapsed().as_secs_f64() < 20.0);
         // But any part of it may be had, however late.
         studio.succeed(&format!("mix {score}.score -o out.wav --from 90000000 --to 90000001"));

@@ -182,7 +182,8 @@ fn usd_files_are_listed_with_their_unit() {
 fn events_are_counted() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("happened");
-    let text = impact(0.5, "a", "b", 0.1) + &impact(1.5, "b", "c", 0.001) + &impact(2.0, "b", "c", 2.0);
+    let text =
+        [impact(0.5, "a", "b", 0.1), impact(1.5, "b", "c", 0.001), impact(2.0, "b", "c", 2.0)].concat();
     fs::write(&file, text).unwrap();
     let told = told(&file);
     assert_eq!(
@@ -310,7 +311,7 @@ fn what_is_not_read_is_told() {
     fs::write(at("rows.csv"), "t,a,b\n0,x,y\n1,x\n").unwrap();
     fs::write(at("late.csv"), "t,a,b\nsoon,x,y\n").unwrap();
     fs::write(at("cut.abc"), b"Ogawa\xff\0\x01").unwrap();
-    fs::write(at("endless.csv"), "t,a,b\n0,\"".to_owned() + &"x".repeat(3 << 20)).unwrap();
+    fs::write(at("endless.csv"), format!("t,a,b\n0,\"{}", "x".repeat(3 << 20))).unwrap();
     let cases: [(PathBuf, &str); 8] = [
         (at("noise.bin"), "noise.bin: the file is of no known kind (read are scenes"),
         (at("empty"), "empty: the file is empty"),

@@ -12,10 +12,11 @@ use std::io::Write as _;
 use std::time::Instant;
 
 use froufrou::Result;
+use froufrou::render::broadcast::Description;
+use froufrou::render::format::SampleFormat;
 use froufrou::render::offline::Extent;
 use froufrou::render::production::Production;
 use froufrou::render::soundtrack::{self, Output};
-use froufrou::render::wav::SampleFormat;
 use froufrou::scene::Scene;
 use froufrou::synth::mixer::Mixer;
 
@@ -34,6 +35,8 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
         seed: 0,
         gain_db: 0.0,
         normalize_dbtp: None,
+        channel_names: Vec::new(),
+        description: Description::default(),
     };
     let mut mixer = Mixer::new(48_000, 2, production.prototypes.clone(), production.channel_lines()?)?;
     let mut no_log = |_: &_| -> Result<()> { Ok(()) };

@@ -1,5 +1,6 @@
 //! How loud a soundtrack is: peaks, loudness, and what went wrong.
 
+use std::collections::VecDeque;
 use std::fmt;
 
 use ebur128::{Channel, EbuR128, Mode};
@@ -13,7 +14,14 @@ const TAIL_FRAMES: usize = 64;
 /// The most samples handed on at a time: bounds the memory of the copy.
 const CHUNK_SAMPLES: usize = 1 << 14;
 
-/// Measures a soundtrack block by block, in memory that grows by 80 bytes a second, 7 MB a day.
+/// Steps of 100 ms in the window of the momentary and of the short-term loudness.
+const MOMENTARY_STEPS: usize = 4;
+const SHORT_TERM_STEPS: usize = 30;
+
+/// What a power of 1 has in LUFS (ITU-R BS.1770).
+const OFFSET_LUFS: f64 = -0.691;
+
+/// Measures a soundtrack block by block, in memory that grows by 88 bytes a second, 8 MB a day.
 ///
 /// The powers of all gating blocks are kept. A histogram of them, which takes less, puts a block that
 /// lies within 0.1 dB of the gate on its wrong side: of a short impact with three blocks above it,
@@ -43,6 +51,13 @@ pub struct Meter {
     loudness: EbuR128,
     true_peak: EbuR128,
     clean: Vec<f32>,
+    /// Frames of 100 ms, and those that are still to come of the present ones.
+    step_frames: usize,
+    step_left: usize,
+    /// The power of each of the last steps, the latest last.
+    steps: VecDeque<f64>,
+    max_momentary: f64,
+    max_short_term: f64,
     frames: u64,
     peak: f32,
     clipped_samples: u64,
@@ -72,6 +87,12 @@ pub struct Report {
     pub true_peak_dbtp: Option<f64>,
     /// Integrated loudness, gated, in LUFS; `None`: nothing above −70 LUFS, or shorter than 400 ms.
     pub loudness_lufs: Option<f64>,
+    /// Loudness range of EBU Tech 3342 in LU; `None`: shorter than 3 s, or silent.
+    pub loudness_range_lu: Option<f64>,
+    /// The highest loudness of any 400 ms, in steps of 100 ms, in LUFS; `None`: shorter, or silent.
+    pub max_momentary_lufs: Option<f64>,
+    /// The highest loudness of any 3 s, in steps of 100 ms, in LUFS; `None`: shorter, or silent.
+    pub max_short_term_lufs: Option<f64>,
     /// Samples that integers cannot hold: outside of [−1, 1).
     pub clipped_samples: u64,
     /// The first sample that is not a finite number; they are all measured as silence.
@@ -94,7 +115,7 @@ impl Meter {
                 Error::new(format!("cannot measure {channels} channels at {rate_hz} Hz: {e}")).because(e)
             })
         };
-        let mut loudness = new(Mode::I)?;
+        let mut loudness = new(Mode::I | Mode::LRA)?;
         loudness
             .set_channel_map(&channel_map(channels))
             .map_err(|e| Error::new(format!("cannot measure {channels} channels: {e}")).because(e))?;
@@ -103,6 +124,11 @@ impl Meter {
             loudness,
             true_peak: new(Mode::TRUE_PEAK)?,
             clean: Vec::new(),
+            step_frames: rate_hz as usize / 10,
+            step_left: rate_hz as usize / 10,
+            steps: VecDeque::with_capacity(SHORT_TERM_STEPS),
+            max_momentary: 0.0,
+            max_short_term: 0.0,
             frames: 0,
             peak: 0.0,
             clipped_samples: 0,
@@ -138,8 +164,28 @@ impl Meter {
             }
             self.frames += (block.len() / self.channels) as u64;
             let failed = |e| Error::new(format!("cannot measure the sound: {e}")).because(e);
-            self.loudness.add_frames_f32(&self.clean).map_err(failed)?;
             self.true_peak.add_frames_f32(&self.clean).map_err(failed)?;
+            let mut rest = self.clean.as_slice();
+            while !rest.is_empty() {
+                let (part, after) = rest.split_at(rest.len().min(self.step_left * self.channels));
+                self.loudness.add_frames_f32(part).map_err(failed)?;
+                self.step_left -= part.len() / self.channels;
+                if self.step_left == 0 {
+                    self.step_left = self.step_frames;
+                    let lufs = self.loudness.loudness_window(100).map_err(failed)?;
+                    if self.steps.len() == SHORT_TERM_STEPS {
+                        self.steps.pop_front();
+                    }
+                    self.steps.push_back(10f64.powf((lufs - OFFSET_LUFS) / 10.0));
+                    let mean = |steps: usize| {
+                        let begin = self.steps.len().checked_sub(steps)?;
+                        Some(self.steps.range(begin..).sum::<f64>() / steps as f64)
+                    };
+                    self.max_momentary = self.max_momentary.max(mean(MOMENTARY_STEPS).unwrap_or(0.0));
+                    self.max_short_term = self.max_short_term.max(mean(SHORT_TERM_STEPS).unwrap_or(0.0));
+                }
+                rest = after;
+            }
         }
         Ok(())
     }
@@ -155,11 +201,18 @@ impl Meter {
             .filter_map(|channel| self.true_peak.true_peak(channel).ok())
             .fold(peak, f64::max);
         let in_db = |peak: f64| (peak > 0.0).then(|| 20.0 * peak.log10());
+        let in_lufs = |power: f64| (power > 0.0).then(|| OFFSET_LUFS + 10.0 * power.log10());
+        let loudness_lufs = self.loudness.loudness_global().ok().filter(|lufs| lufs.is_finite());
+        let is_long = self.frames >= (SHORT_TERM_STEPS * self.step_frames) as u64;
+        let range = || self.loudness.loudness_range().ok().filter(|lu| lu.is_finite());
         Report {
             frames: self.frames,
             peak_dbfs: in_db(peak),
             true_peak_dbtp: in_db(true_peak),
-            loudness_lufs: self.loudness.loudness_global().ok().filter(|lufs| lufs.is_finite()),
+            loudness_lufs,
+            loudness_range_lu: loudness_lufs.filter(|_| is_long).and_then(|_| range()),
+            max_momentary_lufs: in_lufs(self.max_momentary),
+            max_short_term_lufs: in_lufs(self.max_short_term),
             clipped_samples: self.clipped_samples,
             first_non_finite: self.first_non_finite,
         }
@@ -272,6 +325,48 @@ mod tests {
         // Case 6: 5.0, here with a silent low-frequency channel.
         let levels = [Some(-28.0), Some(-28.0), Some(-24.0), None, Some(-30.0), Some(-30.0)];
         assert_loudness(&measure(48_000, 6, &sine(48_000, 20.0, 1000.0, &levels)), -23.0);
+    }
+
+    #[test]
+    fn the_loudness_range_is_that_of_ebu_tech_3342() {
+        // Cases 1 to 4: 20 s each at some levels, and the range within 1 LU.
+        for (levels, range) in [
+            (&[-20.0, -30.0][..], 10.0),
+            (&[-20.0, -15.0], 5.0),
+            (&[-40.0, -20.0], 20.0),
+            (&[-50.0, -35.0, -20.0, -35.0, -50.0], 15.0),
+        ] {
+            let parts: Vec<Vec<f32>> =
+                levels.iter().map(|db| sine(48_000, 20.0, 1000.0, &[Some(*db), Some(*db)])).collect();
+            let found = measure(48_000, 2, &parts.concat()).loudness_range_lu.unwrap();
+            assert!((found - range).abs() < 1.0, "{levels:?}: {found} LU");
+        }
+    }
+
+    #[test]
+    fn the_highest_momentary_and_short_term_loudness_are_of_their_windows() {
+        let report = |parts: &[(f64, Option<f64>)]| {
+            let parts: Vec<Vec<f32>> =
+                parts.iter().map(|(s, level)| sine(48_000, *s, 1000.0, &[*level, *level])).collect();
+            measure(48_000, 2, &parts.concat())
+        };
+        let near = |found: Option<f64>, expected: f64| {
+            let found = found.unwrap();
+            assert!((found - expected).abs() < 0.1, "{found} LUFS, expected {expected}");
+        };
+        // EBU Tech 3341, case 9: parts of 1.34 s and 1.66 s make every 3 s equally loud.
+        let case_9: Vec<(f64, Option<f64>)> = [(1.34, Some(-20.0)), (1.66, Some(-30.0))].repeat(5);
+        near(report(&case_9).max_short_term_lufs, -23.0);
+        // Case 12: the same of 400 ms.
+        let case_12: Vec<(f64, Option<f64>)> = [(0.18, Some(-20.0)), (0.22, Some(-30.0))].repeat(25);
+        near(report(&case_12).max_momentary_lufs, -23.0);
+        // A burst of 400 ms fills the one window and 2/15 of the other.
+        let burst = report(&[(2.0, None), (0.4, Some(-20.0)), (2.0, None)]);
+        near(burst.max_momentary_lufs, -20.0);
+        near(burst.max_short_term_lufs, -20.0 + 10.0 * (2f64 / 15.0).log10());
+        let short = report(&[(0.39, Some(-20.0))]);
+        assert_eq!((short.max_momentary_lufs, short.max_short_term_lufs), (None, None));
+        assert_eq!(report(&[(2.9, Some(-20.0))]).loudness_range_lu, None);
     }
 
     #[test]

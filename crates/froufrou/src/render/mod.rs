@@ -1,7 +1,16 @@
 //! The driver: pulls blocks through all stages into files.
 
+pub mod broadcast;
+pub mod flac;
+pub mod format;
+pub mod labels;
 pub mod meter;
 pub mod offline;
 pub mod production;
+mod quantize;
+pub mod reaper;
+pub mod sound_file;
 pub mod soundtrack;
+pub mod speakers;
+pub mod timecode;
 pub mod wav;

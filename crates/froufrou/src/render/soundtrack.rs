@@ -5,9 +5,14 @@ use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
+use super::broadcast::{Broadcast, Description};
+use super::flac;
+use super::format::{SampleFormat, SoundFormat};
+use super::labels::Labels;
 use super::meter::{Meter, Report};
 use super::offline::{self, Extent, Piece};
-use super::wav::{SampleFormat, WavFormat, WavWriter};
+use super::sound_file::{Container, SoundWriter};
+use super::speakers;
 use crate::score::ChannelLine;
 use crate::synth::mixer::{Begun, Mixer};
 use crate::{Error, Result};
@@ -15,7 +20,7 @@ use crate::{Error, Result};
 /// What files to write, and how.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Output {
-    /// The mix.
+    /// The mix: WAV or FLAC by the ending of its name.
     pub path: PathBuf,
     /// The folder for a file an object, if stems are wanted; it is made if need be.
     pub stems: Option<PathBuf>,
@@ -27,6 +32,11 @@ pub struct Output {
     pub gain_db: f64,
     /// The true peak that the mix is brought to, in dBTP, on top of `gain_db`.
     pub normalize_dbtp: Option<f64>,
+    /// The names of the channels, which tell their loudspeakers (see [`speakers`]); none: as usual
+    /// for their number.
+    pub channel_names: Vec<String>,
+    /// What the files say of themselves.
+    pub description: Description,
 }
 
 /// What was written.
@@ -59,27 +69,40 @@ pub fn write<L: Iterator<Item = Result<ChannelLine>>>(
     log: &mut dyn FnMut(&Begun) -> Result<()>,
 ) -> Result<Summary> {
     let (first_frame, _) = extent.frames();
-    let format = WavFormat {
+    let container = Container::of(&output.path)?;
+    let format = SoundFormat {
         rate_hz: extent.rate_hz,
         channels,
         samples: output.samples,
         seed: output.seed,
         first_frame,
     };
+    let broadcast =
+        Broadcast::new(&output.description, &format).map_err(|fault| fault.in_file(&output.path))?;
+    let channel_mask = match output.channel_names.as_slice() {
+        [] => speakers::usual_mask(channels),
+        names => speakers::mask(names),
+    };
+    let labels = Labels { channel_mask, broadcast: Some(broadcast) };
+    let kind = Kind { container, format, labels, is_spooled: output.normalize_dbtp.is_some() };
     let gain = 10f64.powf(output.gain_db / 20.0) as f32;
     let mut meter = Meter::new(extent.rate_hz, channels)?;
-    let mut mix = Track::create(&output.path, format, output)?;
-    let mut stems = Stems { output, format, tracks: Vec::new(), names: BTreeSet::new() };
+    let mut mix = Track::create(&output.path, &kind)?;
+    let mut stems =
+        Stems { folder: output.stems.as_deref(), kind: &kind, tracks: Vec::new(), names: BTreeSet::new() };
     if let Some(folder) = &output.stems {
         std::fs::create_dir_all(folder).map_err(|fault| Error::io("make the folder", folder, fault))?;
     }
     let mut threads = 0;
     let mut scaled = Vec::new();
+    let mut known_end = first_frame;
     offline::render(mixer, channels, extent, output.stems.is_some(), |piece: Piece<'_>| {
-        // Said at once, not when the disk is full.
-        format
-            .check_frames(piece.reaches.saturating_sub(first_frame))
-            .map_err(|fault| fault.in_file(&output.path))?;
+        if piece.reaches > known_end {
+            known_end = piece.reaches;
+            // Said at once, not when the disk is full.
+            let done = mix.frames;
+            kind.check(piece.reaches.saturating_sub(first_frame), done, &output.path)?;
+        }
         for begun in piece.begun {
             threads += 1;
             log(begun)?;
@@ -112,6 +135,7 @@ pub fn write<L: Iterator<Item = Result<ChannelLine>>>(
         track.finish(gain)?;
         files.push((name, path));
     }
+    mix.writer.measured(&report);
     // Last, so that where there is a mix there is everything.
     let clipped = mix.finish(gain)?;
     Ok(Summary { report, gain_db, stems: files, threads, clipped })
@@ -126,20 +150,66 @@ fn amplify(to: &mut Vec<f32>, from: &[f32], gain: f32) -> Result<()> {
     Err(Error::new("a sound is beyond all numbers").help("a gain is too large"))
 }
 
+/// What all files of a soundtrack are like.
+struct Kind {
+    container: Container,
+    format: SoundFormat,
+    labels: Labels,
+    /// Whether the gain is known only at the end.
+    is_spooled: bool,
+}
+
+impl Kind {
+    /// Refuses a sound that cannot be written to its end, as far as that is known beforehand: of so
+    /// many frames, of which some are done.
+    fn check(&self, frames: u64, done: u64, path: &Path) -> Result<()> {
+        if self.container == Container::Flac && frames > flac::MAX_FRAMES {
+            return Err(Error::new("the sound is longer than a FLAC file can be: 2^36 frames")
+                .in_file(path)
+                .help("render shorter ranges, or a WAV file"));
+        }
+        let spooled = if self.is_spooled { size_of::<f32>() } else { 0 };
+        // How far FLAC will shrink it nobody knows.
+        let stored = if self.container == Container::Wav { self.format.samples.bytes() } else { 0 };
+        let needed =
+            frames.saturating_sub(done).saturating_mul((self.format.channels * (stored + spooled)) as u64);
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        match fs4::available_space(folder) {
+            Ok(room) if needed > room => {
+                let gigabytes = |bytes: u64| format!("{:.1} GB", bytes as f64 / 1e9);
+                let what = format!(
+                    "the sound takes {}, and the disk has room for {}",
+                    gigabytes(needed),
+                    gigabytes(room)
+                );
+                Err(Error::new(what)
+                    .in_file(path)
+                    .help("render shorter ranges, fewer channels or fewer bits, or FLAC"))
+            }
+            // Where the system does not tell, the disk will.
+            _ => Ok(()),
+        }
+    }
+}
+
 /// One file on its way: written at once, or, where the gain is known only at the end, kept beside.
 struct Track {
-    writer: WavWriter,
+    writer: SoundWriter,
     spool: Option<Spool>,
+    channels: usize,
+    /// Frames so far.
+    frames: u64,
 }
 
 impl Track {
-    fn create(path: &Path, format: WavFormat, output: &Output) -> Result<Self> {
-        let writer = WavWriter::create(path, format)?;
-        let spool = output.normalize_dbtp.map(|_| Spool::beside(path)).transpose()?;
-        Ok(Self { writer, spool })
+    fn create(path: &Path, kind: &Kind) -> Result<Self> {
+        let writer = SoundWriter::create(kind.container, path, kind.format, kind.labels.clone())?;
+        let spool = kind.is_spooled.then(|| Spool::beside(path)).transpose()?;
+        Ok(Self { writer, spool, channels: kind.format.channels, frames: 0 })
     }
 
     fn write(&mut self, samples: &[f32]) -> Result<()> {
+        self.frames += (samples.len() / self.channels) as u64;
         match &mut self.spool {
             Some(spool) => spool.write(samples),
             None => self.writer.write(samples),
@@ -205,8 +275,8 @@ impl Spool {
 
 /// A file an object.
 struct Stems<'a> {
-    output: &'a Output,
-    format: WavFormat,
+    folder: Option<&'a Path>,
+    kind: &'a Kind,
     /// The object's name and its file, by the object's index; those that have sounded.
     tracks: Vec<(String, PathBuf, Track)>,
     names: BTreeSet<String>,
@@ -214,15 +284,16 @@ struct Stems<'a> {
 
 impl Stems<'_> {
     fn write(&mut self, piece: &Piece<'_>, gain: f32, scaled: &mut Vec<f32>) -> Result<()> {
-        let Some(folder) = &self.output.stems else { return Ok(()) };
+        let Some(folder) = self.folder else { return Ok(()) };
+        let format = self.kind.format;
         while self.tracks.len() < piece.objects.len() {
             let object = &piece.objects[self.tracks.len()];
             let path = folder.join(self.file_name(object));
-            let mut track = Track::create(&path, self.format, self.output)?;
+            let mut track = Track::create(&path, self.kind)?;
             // Before an object first sounds its stem is silent.
-            let silence = vec![0.0; SPOOL_SAMPLES / self.format.channels * self.format.channels];
-            let frames = piece.frames.start.saturating_sub(self.format.first_frame);
-            let mut left = frames as usize * self.format.channels;
+            let silence = vec![0.0; SPOOL_SAMPLES / format.channels * format.channels];
+            let frames = piece.frames.start.saturating_sub(format.first_frame);
+            let mut left = frames as usize * format.channels;
             while left > 0 {
                 let count = left.min(silence.len());
                 track.write(&silence[..count])?;
@@ -245,11 +316,12 @@ impl Stems<'_> {
         let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
         let base: String = object.trim_matches('/').chars().map(plain).take(100).collect();
         let base = if base.trim_matches('.').is_empty() { "other".to_owned() } else { base };
-        let mut name = format!("{base}.wav");
+        let ending = self.kind.container.ending();
+        let mut name = format!("{base}.{ending}");
         let mut number = 2;
         // Some file systems do not tell capitals apart.
         while !self.names.insert(name.to_lowercase()) {
-            name = format!("{base}-{number}.wav");
+            name = format!("{base}-{number}.{ending}");
             number += 1;
         }
         name

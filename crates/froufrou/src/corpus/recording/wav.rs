@@ -41,16 +41,10 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Recording> {
                 return Err(Error::new("the sound comes before its format: expected a `fmt ` chunk first")
                     .at(Place::Byte(position as u64)));
             };
-            let size = long_data_bytes.filter(|_| size == 0xffff_ffff).unwrap_or(size);
             let rest = &bytes[start..];
-            let is_streamed = match size {
-                // The size of the whole tells a recording without sound from one that was streamed.
-                0 => (order.number(&bytes[4..8]) + 8).abs_diff(bytes.len() as u64) > 1,
-                _ => STREAMED_BYTES.iter().any(|sizes| sizes.contains(&size)) && size > rest.len() as u64,
-            };
-            let data =
-                if is_streamed { Some(rest) } else { rest.get(..size.try_into().unwrap_or(usize::MAX)) };
-            let Some(data) = data else {
+            let whole = order.number(&bytes[4..8]) + 8;
+            let size = data_size(size, long_data_bytes, rest.len() as u64, whole, bytes.len() as u64);
+            let Some(data) = rest.get(..usize::try_from(size).unwrap_or(usize::MAX)) else {
                 let promised = format!("{size} bytes of sound from byte {start} on were announced");
                 return Err(cut_short(&promised, bytes));
             };
@@ -72,6 +66,22 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Recording> {
         }
         // Chunks begin at even offsets.
         position = start + size + (size & 1);
+    }
+}
+
+/// The bytes of sound, which may be more than there are: by the 32 bits of the data chunk, by the 64
+/// bits of RF64 where there are any, or all that there are where the file was streamed. `whole` is
+/// what the file's header gives as its length.
+fn data_size(short: u64, long: Option<u64>, rest: u64, whole: u64, file: u64) -> u64 {
+    match (short, long) {
+        // A program that writes RF64 to a pipe leaves these at 0 too.
+        (0xffff_ffff, Some(long)) if long > 0 => long,
+        // Without longer sizes this one never was one.
+        (0xffff_ffff, _) => rest,
+        // The size of the whole tells a recording without sound from one that was streamed.
+        (0, _) if whole.abs_diff(file) > 1 => rest,
+        _ if short > rest && STREAMED_BYTES.iter().any(|sizes| sizes.contains(&short)) => rest,
+        _ => short,
     }
 }
 
@@ -130,4 +140,31 @@ fn read_format(chunk: &[u8], order: ByteOrder) -> Result<Format> {
         )));
     }
     Ok(Format { rate_hz, channels, encoding })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_beyond_32_bits_are_those_of_rf64() {
+        const GIB: u64 = 1 << 30;
+        let max = 0xffff_ffff;
+        let size = |short, long, rest| data_size(short, long, rest, max + 8, rest + 80);
+        assert_eq!(size(max, Some(5 * GIB), 5 * GIB), 5 * GIB);
+        // One that promises more is cut short, also where it promises what a stream would.
+        assert_eq!(size(max, Some(5 * GIB), 4 * GIB), 5 * GIB);
+        assert_eq!(size(max, Some(0xffff_fff0), GIB), 0xffff_fff0);
+        // Something may follow after the sound.
+        assert_eq!(size(max, Some(5 * GIB), 6 * GIB), 5 * GIB);
+        // A stream that went on beyond 4 GiB, whether it was to be RF64 or not.
+        assert_eq!(size(max, Some(0), 6 * GIB), 6 * GIB);
+        assert_eq!(size(max, None, 6 * GIB), 6 * GIB);
+        assert_eq!(size(max, None, GIB), GIB);
+        assert_eq!(size(0xffff_f000, None, GIB), GIB);
+        assert_eq!(size(0, None, GIB), GIB);
+        // A small sound in a file that could be long.
+        assert_eq!(size(1000, Some(1000), 1000), 1000);
+        assert_eq!(data_size(0, None, 0, 44, 44), 0);
+    }
 }

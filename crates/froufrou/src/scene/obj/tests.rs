@@ -213,7 +213,7 @@ proptest! {
         faces in prop::collection::vec(prop::collection::vec((any::<prop::sample::Index>(), 0..4), 3..9), 0..40),
         padding in 0_usize..3,
     ) {
-        let mut text = "# ".to_owned() + &"x".repeat([0, 65_500, 131_000][padding]) + "\n";
+        let mut text = format!("# {}\n", "x".repeat([0, 65_500, 131_000][padding]));
         for [x, y, z] in &positions {
             text += &format!("v {x} {y:e} {z}\n");
         }
