@@ -97,7 +97,9 @@ fn archives_are_listed() {
 fn events_are_counted() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("happened");
-    let text = impact(0.5, "a", "b", 0.1) + &impact(1.5, "b", "c", 0.001) + &impact(2.0, "b", "c", 2.0);
+    let text = impact(0.5, "a", "b", 0.1)
+        + impact(1.5, "b", "c", 0.001).as_str()
+        + impact(2.0, "b", "c", 2.0).as_str();
     fs::write(&file, text).unwrap();
     let told = told(&file);
     assert_eq!(
