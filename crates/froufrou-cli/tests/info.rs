@@ -227,7 +227,7 @@ fn what_is_not_read_is_told() {
     fs::write(at("rows.csv"), "t,a,b\n0,x,y\n1,x\n").unwrap();
     fs::write(at("late.csv"), "t,a,b\nsoon,x,y\n").unwrap();
     fs::write(at("cut.abc"), b"Ogawa\xff\0\x01").unwrap();
-    fs::write(at("endless.csv"), "t,a,b\n0,\"".to_owned() + &"x".repeat(3 << 20)).unwrap();
+    fs::write(at("endless.csv"), "t,a,b\n0,\"".to_owned() + "x".repeat(3 << 20).as_str()).unwrap();
     let cases: [(PathBuf, &str); 8] = [
         (at("noise.bin"), "noise.bin: the file is of no known kind (read are scenes"),
         (at("empty"), "empty: the file is empty"),
