@@ -116,7 +116,8 @@ fn a_part_of_a_sound_and_its_events_are_drawn() {
     let (first, second) = (draw(&["--to", "0.9"]), draw(&["--from", "1.1"]));
     assert!(bright(&second) > bright(&first) + 500, "{} {}", bright(&first), bright(&second));
 
-    fs::write(at("e.jsonl"), impact(0.25, "ball", "floor", 0.1) + &*impact(9.0, "x", "y", 0.1)).unwrap();
+    fs::write(at("e.jsonl"), impact(0.25, "ball", "floor", 0.1) + impact(9.0, "x", "y", 0.1).as_str())
+        .unwrap();
     let (plain, marked) = (draw(&[]), draw(&["--events", &at("e.jsonl")]));
     let red = |picture: &Picture| picture.pixels.iter().filter(|p| **p == [0xc8, 0x40, 0x1e]).count();
     assert_eq!(red(&plain), 0);
@@ -127,7 +128,7 @@ fn a_part_of_a_sound_and_its_events_are_drawn() {
 fn events_are_drawn_by_their_impulse() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("events.jsonl");
-    let text = impact(1.0, "ball", "floor", 0.01) + &*impact(2.0, "ball", "floor", 1.0);
+    let text = impact(1.0, "ball", "floor", 0.01) + impact(2.0, "ball", "floor", 1.0).as_str();
     fs::write(&file, text).unwrap();
     good(&froufrou([Path::new("plot"), &file]));
     let picture = Picture::open(&file.with_extension("png"));
@@ -151,8 +152,8 @@ fn extreme_events_are_drawn() {
     let file = folder.path().join("events.jsonl");
     for times in [[-1e308, 1e308], [0.0, 1e-300], [1e300, 1e300], [-5.0, -4.0], [0.0, 1e9]] {
         for impulses in [[1e-308, 1e308], [0.0, -1.0], [5e-324, 5e-324]] {
-            let text =
-                impact(times[0], "", "\u{1F98A}", impulses[0]) + &*impact(times[1], "a", "b", impulses[1]);
+            let text = impact(times[0], "", "\u{1F98A}", impulses[0])
+                + impact(times[1], "a", "b", impulses[1]).as_str();
             fs::write(&file, text).unwrap();
             let output = froufrou([Path::new("plot"), &file]);
             assert!(output.status.success(), "{times:?} {impulses:?} {}", message(&output));

@@ -68,7 +68,10 @@ pub(super) struct Host {
 /// The waves that the voices of one script have made, for all of them. A script with ever new waves has as
 /// many of its own as it has units.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Waves(Arc<Mutex<Vec<(Vec<u64>, Arc<Wave>)>>>);
+pub(super) struct Waves(Arc<Mutex<Vec<Known>>>);
+
+/// The bits of a wave's amplitudes, and the wave.
+type Known = (Vec<u64>, Arc<Wave>);
 
 impl Waves {
     fn get(&self, harmonics: &[f64]) -> Arc<Wave> {

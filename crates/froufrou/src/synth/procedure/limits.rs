@@ -39,6 +39,9 @@ pub(super) const ARRAY: usize = 1024;
 /// Most values in all variables that a function sees at one time. An array within an array is not held
 /// to the limit of the outer one when it is put there by its index, so this is.
 pub(super) const VALUES: usize = 1 << 14;
+/// So many values cost nothing. Each beyond costs two operations whenever the variables are weighed, as
+/// whatever looks at a long list may copy it.
+const FREE_VALUES: usize = 256;
 /// How many variables are looked at between two times that they are weighed.
 const WEIGH_EVERY: u64 = 64;
 /// Longest string, in bytes.
@@ -62,41 +65,53 @@ pub(super) const PRINTED: usize = 100;
 
 thread_local! {
     static METER: Meter = const {
-        Meter { used: Cell::new(0), most: Cell::new(0), until: Cell::new(None), looks: Cell::new(0) }
+        Meter {
+            used: Cell::new(0),
+            extra: Cell::new(0),
+            most: Cell::new(0),
+            until: Cell::new(None),
+            looks: Cell::new(0),
+        }
     };
 }
 
 /// Counts what the call that this thread is in has taken.
 struct Meter {
     used: Cell<u64>,
+    /// Operations charged for copying long lists.
+    extra: Cell<u64>,
     most: Cell<u64>,
     until: Cell<Option<Instant>>,
-    /// Variables looked at.
+    /// Variables that this voice has looked at, in all its calls.
     looks: Cell<u64>,
 }
 
-/// Starts a call that may take so many operations.
-pub(super) fn begin(most: u64) {
+/// Starts a call that may take so many operations, of a voice that has looked at so many variables.
+pub(super) fn begin(most: u64, looks: u64) {
     METER.with(|meter| {
         meter.used.set(0);
+        meter.extra.set(0);
+        meter.looks.set(looks);
         meter.most.set(most);
         meter.until.set(Some(Instant::now() + CALL_TIME));
     });
 }
 
-/// The operations of the last call.
-pub(super) fn used() -> u64 {
-    METER.with(|meter| meter.used.get())
+/// The operations of the last call, and the variables that its voice has looked at by now.
+fn used() -> (u64, u64) {
+    METER.with(|meter| (meter.used.get(), meter.looks.get()))
 }
 
 /// Is asked at every operation, and stops the call with a reason.
-pub(super) fn tick(used: u64) -> Option<Dynamic> {
+pub(super) fn tick(operations: u64) -> Option<Dynamic> {
     METER.with(|meter| {
+        let used = operations + meter.extra.get();
         meter.used.set(used);
         if used > meter.most.get() {
             return Some(format!("it takes more than {} operations", meter.most.get()).into());
         }
-        if used.is_multiple_of(CLOCK_EVERY) && meter.until.get().is_some_and(|until| Instant::now() > until) {
+        let late = || meter.until.get().is_some_and(|until| Instant::now() > until);
+        if operations.is_multiple_of(CLOCK_EVERY) && late() {
             return Some(format!("it takes longer than {} s", CALL_TIME.as_secs_f64()).into());
         }
         None
@@ -121,6 +136,8 @@ pub(super) fn weigh(scope: &Scope<'_>) -> Result<(), Box<EvalAltResult>> {
         };
         left = rest;
     }
+    let charged = ((VALUES - left).saturating_sub(FREE_VALUES) * 2) as u64;
+    METER.with(|meter| meter.extra.set(meter.extra.get() + charged));
     Ok(())
 }
 
@@ -142,11 +159,13 @@ fn values(value: &Dynamic, enough: usize) -> usize {
 #[derive(Debug)]
 pub(super) struct Purse {
     operations: u64,
+    /// Variables that the voice has looked at.
+    looks: u64,
 }
 
 impl Purse {
     pub(super) fn new() -> Self {
-        Self { operations: SAVED_OPERATIONS }
+        Self { operations: SAVED_OPERATIONS, looks: 0 }
     }
 
     /// What a stretch of so many samples brings.
@@ -155,12 +174,19 @@ impl Purse {
         self.operations = (self.operations + earned).min(SAVED_OPERATIONS);
     }
 
-    pub(super) fn spend(&mut self, operations: u64) {
-        self.operations = self.operations.saturating_sub(operations);
+    /// Starts a call, and gives the operations that it may take.
+    pub(super) fn begin_call(&self) -> u64 {
+        let most = self.operations.min(CALL_OPERATIONS);
+        begin(most, self.looks);
+        most
     }
 
-    pub(super) fn left(&self) -> u64 {
-        self.operations
+    /// Pays for the call that was started last, and gives the operations that it has taken.
+    pub(super) fn end_call(&mut self) -> u64 {
+        let (used, looks) = used();
+        self.operations = self.operations.saturating_sub(used);
+        self.looks = looks;
+        used
     }
 }
 

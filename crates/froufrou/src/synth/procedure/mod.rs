@@ -29,6 +29,7 @@ mod graph;
 mod host;
 mod language;
 mod limits;
+mod numbers;
 mod unit;
 mod voice;
 mod wave;

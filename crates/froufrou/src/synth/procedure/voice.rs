@@ -7,7 +7,7 @@ use rhai::{CallFnOptions, Dynamic, FuncArgs, Scope};
 use super::Program;
 use super::graph::{Given, Spot};
 use super::host::{self, BufferHandle, Host, UnitHandle};
-use super::{fault, language, limits, words};
+use super::{fault, language, limits, numbers};
 use crate::random::Random;
 use crate::synth::instrument::{Generator, Ramp, Stretch, stretch_samples};
 use crate::{Error, Place, Result};
@@ -28,7 +28,7 @@ impl Voice {
     pub(super) fn new(program: Arc<Program>, rate_hz: f64, random: Random) -> Result<Self> {
         let host = Host::new(&program.given, rate_hz, random, program.waves.clone());
         let mut scope = Scope::new();
-        limits::begin(limits::TOP_OPERATIONS);
+        limits::begin(limits::TOP_OPERATIONS, 0);
         let (host, result) = host::lend(host, || program.engine.run_ast_with_scope(&mut scope, &program.ast));
         let inside = |error: Error| error.in_file(&program.file);
         result.map_err(|error| inside(fault::of_running(*error)))?;
@@ -87,16 +87,14 @@ impl Voice {
         host.at_samples = at_samples;
         host.follow(&self.controls, part);
         let rate_hz = host.rate_hz;
-        let most = self.purse.left().min(limits::CALL_OPERATIONS);
-        limits::begin(most);
+        let most = self.purse.begin_call();
         let options = CallFnOptions::new().eval_ast(false);
         let (program, scope) = (&self.program, &mut self.scope);
         let (host, result) = host::lend(host, || {
             program.engine.call_fn_with_options::<Dynamic>(options, scope, &program.ast, name, arguments)
         });
         self.host = host;
-        let used = limits::used();
-        self.purse.spend(used);
+        let used = self.purse.end_call();
         result.map_err(|error| {
             let stopped = used > most && most < limits::CALL_OPERATIONS;
             let mut error = fault::of_running(*error);
@@ -121,7 +119,7 @@ impl Voice {
     /// Calls `fn sample` and takes the number it gives.
     fn sample(&mut self, first: u64, index: usize, count: usize) -> Result<f64> {
         let number = self.call("sample", (), (first + index as u64) as f64, index as f64 / count as f64)?;
-        words::number(&number).map_err(|_| {
+        numbers::number(&number).map_err(|_| {
             let what = if number.is_float() {
                 format!("`fn sample` gives {} at sample {}", number, first + index as u64)
             } else {

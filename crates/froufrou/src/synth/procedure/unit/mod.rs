@@ -253,7 +253,7 @@ fn both(a: Signal<'_>, b: Signal<'_>, around: Around<'_>, out: &mut [f64], with:
     out.iter_mut().zip(room).for_each(|(out, other)| *out = with(*out, *other));
 }
 
-/// Too quiet to be heard and slow to reckon with: nothing.
+/// Makes what is too quiet to be heard, and slow to reckon with, nothing.
 fn settle(state: &mut f64) {
     if state.abs() < 1e-30 {
         *state = 0.0;
