@@ -51,7 +51,9 @@
 //!
 //! # Memory
 //! All layers are in memory while the file is opened, and afterwards all samples of what is used. It
-//! is no more than 64 times the layers' length and 32 MiB, and usually about that length. A stage may
+//! is no more than 64 times the layers' length and 32 MiB; a binary file of 24 MB (27 556 points,
+//! 121 samples) takes 108 MB while it is opened. Nothing is streamed: a cache of many gigabytes is
+//! better read as Alembic. A stage may
 //! have 8192 prims and one more for every 32 bytes of its layers; while it is composed each takes about
 //! 8 kB.
 //!
