@@ -140,6 +140,8 @@ impl Broadcast {
         }
         chunk.resize(FIXED_BYTES, 0);
         chunk.extend_from_slice(self.coding_history.as_bytes());
+        // libsndfile loses its way in RF64 after a chunk of an odd length.
+        chunk.resize(chunk.len().next_multiple_of(2), 0);
         Ok(chunk)
     }
 
@@ -239,6 +241,12 @@ mod tests {
         assert_eq!(chunk[412..418], [4, 0xf7, 0xff, 0x7f, 0x9c, 0xff]);
         assert_eq!(&chunk[602..626], b"A=PCM,F=48000,W=24,M=ste");
         assert!(chunk.ends_with(b"\r\n"));
+        // Its length is even whatever stands in it.
+        for rate_hz in [8_000, 48_000, 192_000] {
+            let format = SoundFormat { rate_hz, ..format() };
+            let broadcast = Broadcast::new(&Description::default(), &format).unwrap();
+            assert_eq!(broadcast.to_chunk().unwrap().len() % 2, 0);
+        }
     }
 
     #[test]

@@ -60,7 +60,7 @@ impl Container {
 /// Writes one sound file, block by block. It is seen under its name when it is complete.
 pub enum SoundWriter {
     /// Of WAV.
-    Wav(WavWriter),
+    Wav(Box<WavWriter>),
     /// Of FLAC.
     Flac(Box<FlacWriter>),
 }
@@ -72,7 +72,7 @@ impl SoundWriter {
     /// Those of [`WavWriter::labelled`] and [`FlacWriter::labelled`].
     pub fn create(container: Container, path: &Path, format: SoundFormat, labels: Labels) -> Result<Self> {
         Ok(match container {
-            Container::Wav => Self::Wav(WavWriter::labelled(path, format, labels)?),
+            Container::Wav => Self::Wav(Box::new(WavWriter::labelled(path, format, labels)?)),
             Container::Flac => Self::Flac(Box::new(FlacWriter::labelled(path, format, labels)?)),
         })
     }
