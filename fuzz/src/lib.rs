@@ -5,9 +5,10 @@
 //! ```ignore
 //! #![no_main]
 //! froufrou_fuzz::target!(|bytes| {
-//!     if let Ok(animation) = froufrou_fuzz::with_file(bytes, "abc", |path| Alembic::open(path)) {
+//!     froufrou_fuzz::with_file(bytes, "abc", |path| {
+//!         let Ok(animation) = Alembic::open(path) else { return };
 //!         froufrou_fuzz::walk_animation(&animation);
-//!     }
+//!     });
 //! });
 //! ```
 //!
