@@ -1,0 +1,6 @@
+//! FLAC, with its checksums made right.
+#![no_main]
+
+froufrou_fuzz::target!(|bytes| {
+    froufrou_fuzz::walk_recording(&froufrou_fuzz::mend_flac(bytes), "x.flac");
+});
