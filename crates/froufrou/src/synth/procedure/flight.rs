@@ -6,7 +6,7 @@ use std::sync::Arc;
 use rhai::{CallFnOptions, Dynamic, Scope};
 
 use super::host::{self, Host, Waves};
-use super::{fault, language, limits, words};
+use super::{fault, language, limits, numbers};
 use crate::random::Random;
 use crate::{Error, Result};
 
@@ -49,7 +49,7 @@ impl Flight {
             ));
         }
         let mut scope = Scope::new();
-        limits::begin(limits::TOP_OPERATIONS);
+        limits::begin(limits::TOP_OPERATIONS, 0);
         let host = Host::new(&[], 1.0, random, Waves::default());
         let (_, run) = host::lend(host, || engine.run_ast_with_scope(&mut scope, &ast));
         run.map_err(|error| inside(fault::of_running(*error)))?;
@@ -72,7 +72,7 @@ impl Flight {
         host.building = false;
         host.at_samples = time_s;
         host.constants.clone_from(constants);
-        limits::begin(limits::CALL_OPERATIONS);
+        limits::begin(limits::CALL_OPERATIONS, 0);
         let options = CallFnOptions::new().eval_ast(false);
         let arguments = (member as i64, time_s);
         let (_, placed) = host::lend(host, || {
@@ -97,7 +97,7 @@ impl Flight {
         };
         let list = placed.as_array_ref().map_err(|_| wrong())?;
         let [x, y, z] = list.as_slice() else { return Err(wrong()) };
-        let number = |value: &Dynamic| words::number(value).map_err(|_| wrong());
+        let number = |value: &Dynamic| numbers::number(value).map_err(|_| wrong());
         Ok([number(x)?, number(y)?, number(z)?])
     }
 }
