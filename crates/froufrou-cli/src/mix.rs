@@ -22,9 +22,9 @@ pub struct Mix {
     #[arg(value_name = "FILE.score")]
     path: PathBuf,
 
-    /// What the dither of 16-bit files follows from
-    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
-    seed: u64,
+    /// What synthesised sounds and the dither of 16-bit files follow from, instead of the score's own
+    #[arg(long, value_name = "NUMBER")]
+    seed: Option<u64>,
 
     #[command(flatten)]
     soundtrack: soundtrack::Options,
@@ -33,9 +33,10 @@ pub struct Mix {
 impl Mix {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
-        let (header, prototypes, lines) = open_score(&self.path)?;
+        let (mut header, prototypes, lines) = open_score(&self.path)?;
+        header.seed = self.seed.unwrap_or(header.seed);
         let rate_hz = self.soundtrack.rate.unwrap_or(RATE_HZ);
-        soundtrack::write(&self.soundtrack, rate_hz, self.seed, &header, prototypes, lines)?;
+        soundtrack::write(&self.soundtrack, rate_hz, &header, prototypes, lines)?;
         Ok(())
     }
 }

@@ -84,7 +84,6 @@ impl Render {
         soundtrack::write(
             &self.soundtrack,
             rate_hz,
-            production.scene.seed,
             &production.channel_header(),
             production.prototypes.clone(),
             production.channel_lines()?,

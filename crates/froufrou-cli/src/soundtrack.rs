@@ -77,6 +77,10 @@ pub struct Options {
     #[arg(long, value_name = "DATE", value_parser = origination)]
     pub origination: Option<Origination>,
 
+    /// Where a script fails while it plays, let its sound fall silent and go on
+    #[arg(long)]
+    pub keep_going: bool,
+
     /// Threads to use; the sound does not depend on it [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
@@ -123,7 +127,6 @@ fn origination(text: &str) -> Result<Origination, String> {
 pub fn write<L>(
     options: &Options,
     rate_hz: u32,
-    seed: u64,
     header: &ChannelHeader,
     prototypes: Soundings,
     lines: L,
@@ -147,7 +150,7 @@ where
         path: options.output.clone(),
         stems,
         samples: options.format,
-        seed,
+        seed: header.seed,
         gain_db: options.gain,
         normalize_dbtp: options.normalize,
         channel_names: header.receivers.clone(),
@@ -162,6 +165,7 @@ where
         .collect();
     let mut log = options.log.as_deref().map(files::Output::create).transpose()?;
     let mut mixer = Mixer::new(rate_hz, channels, prototypes, lines)?.with_seed(header.seed);
+    mixer = mixer.keeping_going(options.keep_going);
     let (first, end) = extent.frames();
     let progress = Progress::new(rate_hz, end.map(|end| end.saturating_sub(first)));
     let summary = pool.install(|| {
@@ -181,6 +185,13 @@ where
     })?;
     drop(progress);
     log.map_or(Ok(()), files::Output::finish)?;
+    for fault in &summary.faults {
+        eprintln!("froufrou: warning: a sound fell silent: {fault}");
+    }
+    if summary.silenced > summary.faults.len() as u64 {
+        let more = summary.silenced - summary.faults.len() as u64;
+        eprintln!("froufrou: warning: {more} more sounds fell silent");
+    }
     if let Some(project) = project {
         let start = options.time_reference.unwrap_or_default().samples(rate_hz).saturating_add(first);
         project.write(&options.output, &summary, rate_hz, channels, first, start)?;
@@ -220,6 +231,7 @@ fn report(options: &Options, rate_hz: u32, channels: usize, summary: &Summary) -
             "sounds": summary.threads,
             "gain_db": summary.gain_db,
             "clipped_samples": summary.clipped,
+            "silenced_sounds": summary.silenced,
             "measured": summary.report,
             "stems": stems,
         });

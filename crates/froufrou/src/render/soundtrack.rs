@@ -40,7 +40,7 @@ pub struct Output {
 }
 
 /// What was written.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug)]
 pub struct Summary {
     /// What the mix measures.
     pub report: Report,
@@ -52,6 +52,10 @@ pub struct Summary {
     pub threads: u64,
     /// Samples that were too loud for the file's format and were clamped.
     pub clipped: u64,
+    /// Synthesised sounds that failed and fell silent, where the mixer keeps going.
+    pub silenced: u64,
+    /// Why the first of them did.
+    pub faults: Vec<Error>,
 }
 
 /// Renders a soundtrack to files. Nothing is seen under their names before all is done.
@@ -138,7 +142,8 @@ pub fn write<L: Iterator<Item = Result<ChannelLine>>>(
     mix.writer.measured(&report);
     // Last, so that where there is a mix there is everything.
     let clipped = mix.finish(gain)?;
-    Ok(Summary { report, gain_db, stems: files, threads, clipped })
+    let (silenced, faults) = mixer.take_faults();
+    Ok(Summary { report, gain_db, stems: files, threads, clipped, silenced, faults })
 }
 
 fn amplify(to: &mut Vec<f32>, from: &[f32], gain: f32) -> Result<()> {

@@ -22,7 +22,7 @@ use super::tracing::Tracing;
 use super::track::Track;
 use crate::score::{
     Arrival, ChannelHeader, ChannelLine, Cue, LATEST_S, LONGEST_DELAY_S, Microphone, MicrophoneKey,
-    MicrophoneShape, ObjectHeader, ObjectLine, Order, Placement, Pose, Statement, Verb, Whereabouts,
+    MicrophoneShape, ObjectHeader, ObjectLine, Order, Placement, Pose, Start, Statement, Verb, Whereabouts,
 };
 use crate::synth::path::FADE_S;
 use crate::{Error, Result};
@@ -631,6 +631,11 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
         let Self { inbox, tracing, paths, sources, ready, .. } = self;
         let Some(source) = sources.get_mut(&id) else { return Ok(()) };
         let ears = inbox.ears.len();
+        // How it radiates is in the gains from here on.
+        let verb = match verb {
+            Verb::Start(start) => Verb::Start(Start { pattern: String::new(), ..start }),
+            verb => verb,
+        };
         let line =
             |path, verb, value| ChannelLine::Thread(Statement { thread: id, path, time_s, verb, value });
         if let Some(around) = source.around {

@@ -189,6 +189,7 @@ pub struct Mixer<L> {
     /// What has arrived before this frame has been released.
     released: u64,
     keeps_going: bool,
+    silenced: u64,
     faults: Vec<Error>,
 }
 
@@ -228,6 +229,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             seed: 0,
             released: 0,
             keeps_going: false,
+            silenced: 0,
             faults: Vec::new(),
         };
         mixer.next = mixer.lines.next().transpose()?;
@@ -247,9 +249,10 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         Self { keeps_going, ..self }
     }
 
-    /// The faults of synthesised sounds that have fallen silent since this was last asked.
-    pub fn take_faults(&mut self) -> Vec<Error> {
-        std::mem::take(&mut self.faults)
+    /// How many synthesised sounds have failed and fallen silent since this was last asked, and the
+    /// faults of the first of them.
+    pub fn take_faults(&mut self) -> (u64, Vec<Error>) {
+        (std::mem::take(&mut self.silenced), std::mem::take(&mut self.faults))
     }
 
     /// The objects whose threads have begun so far; stems are numbered by this list.
@@ -375,7 +378,9 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             return Ok(());
         }
         if self.keeps_going {
-            self.faults.extend(faults);
+            self.silenced += faults.len() as u64;
+            let room = MOST_FAULTS.saturating_sub(self.faults.len());
+            self.faults.extend(faults.into_iter().take(room));
             // What has failed is silent from there on and does not fail again.
             return self.synthesise(begin_frame, end_frame);
         }
@@ -586,6 +591,9 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         thread.ended = true;
     }
 }
+
+/// So many faults are kept to be told.
+const MOST_FAULTS: usize = 16;
 
 /// Keeps the random numbers of synthesised sounds apart from others of the same seed.
 const SOURCES: u64 = 0x5eed_0f50_0d5e_1f01;
