@@ -4,9 +4,8 @@
 mod damage;
 
 use std::path::Path;
-use std::sync::atomic::Ordering;
 
-use damage::{HELD, MOST, Scratch, turn};
+use damage::{Scratch, most_held, turn};
 use froufrou::scene::alembic::Alembic;
 use froufrou::scene::animation::{Animation, Mesh, ObjectKind};
 use froufrou::{Error, Place};
@@ -326,15 +325,14 @@ fn a_long_animation_takes_the_memory_of_a_few_frames() {
     let top = writer.object(0, &[("mesh", "schema=AbcGeom_PolyMesh_v1", mesh)]);
     std::fs::write(scratch.path(), writer.finish(top)).expect("a file");
     drop(frames);
-    let before = HELD.load(Ordering::Relaxed);
-    MOST.store(before, Ordering::Relaxed);
-    let animation = Alembic::open(scratch.path()).expect("long but sound");
-    let mut mesh = Mesh::default();
-    for half_frame in 0..1999 {
-        animation.mesh(0, f64::from(half_frame) / 2.0, &mut mesh).expect("a sound sample");
-        assert_eq!(mesh.positions[0][0], half_frame as f32 * 1500.0);
-    }
-    let most = MOST.load(Ordering::Relaxed) - before;
+    let ((), most) = most_held(|| {
+        let animation = Alembic::open(scratch.path()).expect("long but sound");
+        let mut mesh = Mesh::default();
+        for half_frame in 0..1999 {
+            animation.mesh(0, f64::from(half_frame) / 2.0, &mut mesh).expect("a sound sample");
+            assert_eq!(mesh.positions[0][0], half_frame as f32 * 1500.0);
+        }
+    });
     assert!(most < 12 * 12_000, "{most} bytes for frames of 12000");
 }
 

@@ -3,13 +3,13 @@
 //! Everything allocated in this process is counted, so all is one test: others beside it would be
 //! counted too. An hour is rendered by `cargo run --release -p froufrou --example one_hour`.
 
+mod allocation;
 mod studio;
 
-use std::alloc::{GlobalAlloc, Layout, System};
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
+use allocation::most_held;
 use froufrou::render::offline::{self, Extent};
 use froufrou::render::production::{ChannelLines, open_score};
 use froufrou::score::{ChannelHeader, ChannelWriter, ObjectWriter};
@@ -17,39 +17,6 @@ use froufrou::synth::mixer::Mixer;
 use froufrou::synth::prototypes::Soundings;
 use froufrou::synth::sinc;
 use studio::{Studio, noise};
-
-/// The system's allocator, with a count of the bytes that are in use.
-struct Counting;
-
-static IN_USE: AtomicUsize = AtomicUsize::new(0);
-static MOST: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call goes to the system's allocator as it came; the counters touch no memory of it.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        let now = IN_USE.fetch_add(layout.size(), Ordering::Relaxed) + layout.size();
-        MOST.fetch_max(now, Ordering::Relaxed);
-        // SAFETY: the caller keeps to the contract, which is the same.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        IN_USE.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: as above; the pointer came from the same allocator.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// The most bytes in use at once while something is done, beyond those before it.
-fn peak(work: impl FnOnce()) -> usize {
-    let before = IN_USE.load(Ordering::Relaxed);
-    MOST.store(before, Ordering::Relaxed);
-    work();
-    MOST.load(Ordering::Relaxed) - before
-}
 
 /// A scene of a length: loops on sources that circle, many impacts of ever new bodies, a listener
 /// that walks about.
@@ -118,27 +85,28 @@ fn peaks(seconds: u32) -> [(&'static str, usize); 5] {
     let text = scene(&studio, seconds);
     let production = studio.production(&text).unwrap();
     let sounds = seconds as usize * 16;
-    let rendering = peak(|| {
+    let ((), rendering) = most_held(|| {
         let header = production.channel_header();
         let begun = render(&header, production.prototypes.clone(), production.channel_lines().unwrap());
         assert!(begun > sounds * 9 / 10, "{begun} sounds of {sounds}");
     });
     let file = |name: &str| std::io::BufWriter::new(std::fs::File::create(studio.path(name)).unwrap());
-    let object = peak(|| {
+    let ((), object) = most_held(|| {
         let mut writer = ObjectWriter::new(file("object.score"), &production.header).unwrap();
         production.object_lines().unwrap().for_each(|line| writer.write(&line.unwrap()).unwrap());
         writer.finish().unwrap();
     });
-    let channel = peak(|| {
+    let ((), channel) = most_held(|| {
         let mut writer = ChannelWriter::new(file("channel.score"), &production.channel_header()).unwrap();
         production.channel_lines().unwrap().for_each(|line| writer.write(&line.unwrap()).unwrap());
         writer.finish().unwrap();
     });
     let mix = |name: &str| {
-        peak(|| {
+        let ((), most) = most_held(|| {
             let (header, prototypes, lines) = open_score(&studio.path(name)).unwrap();
             render(&header, prototypes, lines);
-        })
+        });
+        most
     };
     let (from_object, from_channel) = (mix("object.score"), mix("channel.score"));
     [

@@ -4,9 +4,8 @@
 mod damage;
 
 use std::path::Path;
-use std::sync::atomic::Ordering;
 
-use damage::{HELD, MOST, Scratch, turn};
+use damage::{Scratch, most_held, turn};
 use froufrou::Error;
 use froufrou::scene::animation::{KeyTimes, Mesh};
 use froufrou::scene::world::open_animation;
@@ -167,15 +166,14 @@ fn a_long_cache_takes_the_memory_of_a_few_frames() {
     ] {
         let scratch = Scratch::new(name, read_all);
         std::fs::write(scratch.path(), bytes).expect("a file");
-        let before = HELD.load(Ordering::Relaxed);
-        MOST.store(before, Ordering::Relaxed);
-        let animation = open_animation(scratch.path()).expect("long but sound");
-        let mut mesh = Mesh::default();
-        for half_frame in 0..1999 {
-            animation.mesh(0, f64::from(half_frame) / 2.0, &mut mesh).expect("a sound sample");
-            assert_eq!(mesh.positions[0][0], half_frame as f32 * 1500.0);
-        }
-        let most = MOST.load(Ordering::Relaxed) - before;
+        let ((), most) = most_held(|| {
+            let animation = open_animation(scratch.path()).expect("long but sound");
+            let mut mesh = Mesh::default();
+            for half_frame in 0..1999 {
+                animation.mesh(0, f64::from(half_frame) / 2.0, &mut mesh).expect("a sound sample");
+                assert_eq!(mesh.positions[0][0], half_frame as f32 * 1500.0);
+            }
+        });
         assert!(most < 12 * 12_000, "{most} bytes for frames of 12000");
     }
 }
@@ -188,16 +186,15 @@ fn a_long_sequence_takes_the_memory_of_a_few_files() {
         let text: String = (0..2000).map(|v| format!("v {frame} {v} 0\n")).collect();
         std::fs::write(room.path().join(format!("f{frame}.obj")), text + "f 1 2 3\n").expect("a file");
     }
-    let before = HELD.load(Ordering::Relaxed);
-    MOST.store(before, Ordering::Relaxed);
-    let animation = open_animation(room.path().join("f*.obj")).expect("a sequence");
-    let mut mesh = Mesh::default();
-    for half_frame in 2..=400 {
-        animation.mesh(0, f64::from(half_frame) / 48.0, &mut mesh).expect("a sound file");
-        assert!((mesh.positions[0][0] - half_frame as f32 / 2.0).abs() < 1e-4);
-    }
-    // 24 kB a frame, read into lists that double, with a block of text; and 200 names.
-    let most = MOST.load(Ordering::Relaxed) - before;
+    let ((), most) = most_held(|| {
+        let animation = open_animation(room.path().join("f*.obj")).expect("a sequence");
+        let mut mesh = Mesh::default();
+        for half_frame in 2..=400 {
+            animation.mesh(0, f64::from(half_frame) / 48.0, &mut mesh).expect("a sound file");
+            assert!((mesh.positions[0][0] - half_frame as f32 / 2.0).abs() < 1e-4);
+        }
+        // 24 kB a frame, read into lists that double, with a block of text; and 200 names.
+    });
     assert!(most < 400_000, "{most} bytes");
 }
 

@@ -1,43 +1,15 @@
 //! Scripts that are endless, greedy, deep or garbage: always an error or a sound, in bounded time and
 //! memory, never a panic.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+mod allocation;
+
 use std::time::Instant;
 
+use allocation::{most_held, turn};
 use froufrou::random::Random;
 use froufrou::synth::instrument::{Instrument, Ramp, Stretch, Strike, stretch_samples};
 use froufrou::synth::procedure::Procedure;
 use proptest::prelude::*;
-
-/// The system's allocator, which remembers how much was ever held at once.
-struct Counting;
-
-static HELD: AtomicUsize = AtomicUsize::new(0);
-static MOST: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call goes on to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        let held = HELD.fetch_add(layout.size(), Ordering::Relaxed) + layout.size();
-        MOST.fetch_max(held, Ordering::Relaxed);
-        // SAFETY: the caller's promise.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        HELD.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: the caller's promise.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// Tests that count memory take turns.
-static TURN: Mutex<()> = Mutex::new(());
 
 const MEMORY: usize = 64 << 20;
 
@@ -66,7 +38,7 @@ fn outcome(source: &str, stretches: u64) -> Result<(), String> {
 
 /// Refuses a bomb wherever it is put, and says how long and how much it took.
 fn refused(body: &str, expected: &[&str]) {
-    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let _turn = turn();
     for source in [
         body.to_owned(),
         format!("play(white());\nfn control() {{ {body} }}"),
@@ -76,10 +48,10 @@ fn refused(body: &str, expected: &[&str]) {
         format!("play(white());\nlet n = 0; fn control() {{ n += 1; if n > 50 {{ {body} }} }}"),
         format!("play(white());\nfn control() {{ try {{ {body} }} catch {{ }} }}"),
     ] {
-        let (before, begun) = (HELD.load(Ordering::Relaxed), Instant::now());
-        MOST.store(before, Ordering::Relaxed);
-        let error = outcome(&source, 200).expect_err(&source);
-        let (took_s, most) = (begun.elapsed().as_secs_f64(), MOST.load(Ordering::Relaxed) - before);
+        let begun = Instant::now();
+        let (outcome, most) = most_held(|| outcome(&source, 200));
+        let error = outcome.expect_err(&source);
+        let took_s = begun.elapsed().as_secs_f64();
         println!("{took_s:6.3} s {:6} KiB  {error}", most >> 10);
         assert!(expected.iter().any(|expected| error.contains(expected)), "{source}\n{error}");
         // In the midst of an assignment at the top, the engine does not know its place.
@@ -125,21 +97,19 @@ fn growing_strings_and_arrays_are_stopped() {
 
 #[test]
 fn what_is_kept_from_call_to_call_is_bounded() {
-    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let _turn = turn();
     // A little more in every call.
     let full = "play(white()); let a = []; for i in 0..900 { a.push(i); } let keep = a;";
     let source = format!("{full} let n = 0; fn control() {{ keep[n] = a; n += 1; }}");
-    let before = HELD.load(Ordering::Relaxed);
-    MOST.store(before, Ordering::Relaxed);
-    let error = outcome(&source, 800).expect_err("too much is kept");
-    let most = MOST.load(Ordering::Relaxed) - before;
+    let (outcome, most) = most_held(|| outcome(&source, 800));
+    let error = outcome.expect_err("too much is kept");
     println!("{} KiB held: {error}", most >> 10);
     assert!(error.contains("its variables hold more than 16384 values") && most < MEMORY, "{error}");
 }
 
 #[test]
 fn units_made_without_end_are_refused() {
-    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let _turn = turn();
     for (source, expected) in [
         ("loop { sine(1.0); }", "more than 256 units"),
         ("let w = white(); loop { w = w + w; }", "more than 256 units"),
@@ -158,17 +128,16 @@ fn units_made_without_end_are_refused() {
         ("play(wave([], 1.0));", "1 to 256 harmonics"),
         ("play(wave([1.0 / 0.0], 1.0));", "a number is inf"),
     ] {
-        let before = HELD.load(Ordering::Relaxed);
-        MOST.store(before, Ordering::Relaxed);
-        let error = outcome(source, 3).expect_err(source);
+        let (outcome, most) = most_held(|| outcome(source, 3));
+        let error = outcome.expect_err(source);
         assert!(error.contains(expected), "{source}: {error}");
-        assert!(MOST.load(Ordering::Relaxed) - before < MEMORY, "{source}");
+        assert!(most < MEMORY, "{source}");
     }
 }
 
 #[test]
 fn depth_is_bounded_on_a_small_stack() {
-    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let _turn = turn();
     let recursion = "fn f(n) { f(n + 1) } f(0);";
     assert!(outcome(recursion, 1).unwrap_err().contains("more than 12 deep"));
     for (open, close) in
@@ -196,7 +165,7 @@ fn depth_is_bounded_on_a_small_stack() {
 
 #[test]
 fn many_arguments_cannot_hold_much() {
-    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let _turn = turn();
     let arguments = vec!["a"; 20_000].join(",");
     let source = format!("let a = []; for i in 0..1000 {{ a.push(i); }} f({arguments});");
     assert!(outcome(&source, 1).unwrap_err().contains("a call with 20000 arguments, not up to 8"));
@@ -207,24 +176,21 @@ fn many_arguments_cannot_hold_much() {
 
 #[test]
 fn the_most_that_may_be_held_is_bounded() {
-    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let _turn = turn();
     // Every variable of every call as large as may be.
     let mut source = "play(white()); fn f(n, big) {".to_owned();
     for variable in 0..60 {
         source += &format!("let v{variable} = big; v{variable}.push(n);");
     }
     source += "if n > 0 { f(n - 1, big); } } fn control() { let big = []; for i in 0..1000 { big.push(i); } f(9, big); }";
-    let before = HELD.load(Ordering::Relaxed);
-    MOST.store(before, Ordering::Relaxed);
-    let told = outcome(&source, 1);
-    let most = MOST.load(Ordering::Relaxed) - before;
+    let (told, most) = most_held(|| outcome(&source, 1));
     println!("{} KiB held: {told:?}", most >> 10);
     assert!(most < MEMORY, "{most} bytes");
 }
 
 #[test]
 fn slow_drips_are_stopped() {
-    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let _turn = turn();
     // Each call alone is within bounds.
     for source in [
         "play(white()); fn control() { for i in 0..20000 { let x = i; } }",
@@ -245,7 +211,7 @@ fn slow_drips_are_stopped() {
 
 #[test]
 fn doors_are_closed() {
-    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let _turn = turn();
     for source in [
         "let m = #{ a: 1 };",
         "eval(\"play(white())\");",
@@ -350,20 +316,20 @@ proptest! {
 
     #[test]
     fn garbage_is_an_error_or_a_sound(pieces in prop::collection::vec(0..PIECES.len(), 1..60)) {
-        let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+        let _turn = turn();
         let source: String = pieces.iter().map(|&piece| PIECES[piece]).collect();
         let _ = outcome(&source, 2);
     }
 
     #[test]
     fn any_text_is_an_error_or_a_sound(source in "\\PC{0,200}") {
-        let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+        let _turn = turn();
         let _ = outcome(&source, 2);
     }
 
     #[test]
     fn a_damaged_script_is_an_error_or_a_sound(which in 0..5_usize, at in 0..2000_usize, piece in 0..PIECES.len(), cut in 0..20_usize) {
-        let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+        let _turn = turn();
         let name = ["siren", "bees", "geiger", "plucked", "bell"][which];
         let file = format!("{}/../../examples/procedures/{name}.rhai", env!("CARGO_MANIFEST_DIR"));
         let mut source: Vec<char> = std::fs::read_to_string(file).expect("a script").chars().collect();

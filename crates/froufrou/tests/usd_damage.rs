@@ -3,46 +3,15 @@
 
 #![cfg(feature = "usd")]
 
-use std::alloc::{GlobalAlloc, Layout, System};
+mod allocation;
+
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use allocation::{most_held, turn};
 use froufrou::Error;
 use froufrou::scene::animation::{Animation, Mesh, ObjectKind};
 use froufrou::scene::usd::Usd;
-
-/// The system's allocator, which remembers how much was ever held at once.
-struct Counting;
-
-static HELD: AtomicUsize = AtomicUsize::new(0);
-static MOST: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call goes on to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        let held = HELD.fetch_add(layout.size(), Ordering::Relaxed) + layout.size();
-        MOST.fetch_max(held, Ordering::Relaxed);
-        // SAFETY: the caller's promise.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        HELD.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: the caller's promise.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// Memory is counted for the whole process, so these tests take turns.
-fn turn() -> MutexGuard<'static, ()> {
-    static TURN: Mutex<()> = Mutex::new(());
-    TURN.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 fn fixture(name: &str) -> Vec<u8> {
     std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/usd").join(name)).expect("a fixture")
@@ -77,10 +46,8 @@ impl Scratch {
     fn try_bytes(&self, bytes: &[u8]) -> Result<usize, Error> {
         let path = self.folder.path().join("damaged.usd");
         std::fs::write(&path, bytes).expect("a file");
-        let (begin, before) = (Instant::now(), HELD.load(Ordering::Relaxed));
-        MOST.store(before, Ordering::Relaxed);
-        let result = read_all(&path);
-        let most = MOST.load(Ordering::Relaxed).saturating_sub(before);
+        let begin = Instant::now();
+        let (result, most) = most_held(|| read_all(&path));
         assert!(begin.elapsed() < Duration::from_secs(20), "it took {:?}", begin.elapsed());
         assert!(most < (96 << 20) + 200 * bytes.len(), "{most} bytes for a file of {}", bytes.len());
         if let Err(error) = &result {

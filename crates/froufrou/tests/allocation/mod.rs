@@ -1,5 +1,6 @@
-//! The memory that tests of damaged files take. It is counted for the whole process, so such tests
-//! take turns.
+//! The memory that tests of damaged and greedy files take. It is counted for the whole process, so such
+//! tests take turns.
+#![allow(dead_code)] // Each test program uses a part of it.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -8,8 +9,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 /// The system's allocator, which remembers how much was ever held at once.
 struct Counting;
 
-static HELD: AtomicUsize = AtomicUsize::new(0);
-static MOST: AtomicUsize = AtomicUsize::new(0);
+pub static HELD: AtomicUsize = AtomicUsize::new(0);
+pub static MOST: AtomicUsize = AtomicUsize::new(0);
 
 // SAFETY: every call goes on to the system's allocator unchanged.
 unsafe impl GlobalAlloc for Counting {
