@@ -55,7 +55,10 @@ impl FileKind {
     /// What a file of `length` bytes is that begins with these and has this name, in lower case.
     fn of_head(head: &[u8], name: &str, length: u64) -> Option<Self> {
         let animation = || AnimationFormat::of_head(head, name, length).map(Self::Animation);
-        let magic = Self::of_magic(head).or_else(|| Self::of_text(head, name));
+        // glTF is JSON as events are, and is told apart before them.
+        let json = head.trim_ascii_start().starts_with(b"{");
+        let gltf = || animation().filter(|kind| json && *kind == Self::Animation(AnimationFormat::Gltf));
+        let magic = Self::of_magic(head).or_else(gltf).or_else(|| Self::of_text(head, name));
         magic.or_else(animation).or_else(|| Self::of_name(name))
     }
 

@@ -37,7 +37,8 @@ fn second_of(bencher: Bencher, procedure: &Procedure) {
 
 #[divan::bench(args = ["siren", "bees", "bell", "geiger", "plucked"])]
 fn shipped(bencher: Bencher, name: &str) {
-    let file = format!("{}/../../examples/procedures/{name}.rhai", env!("CARGO_MANIFEST_DIR"));
+    let folder = if name == "bees" { "bees" } else { "procedures" };
+    let file = format!("{}/../../examples/{folder}/{name}.rhai", env!("CARGO_MANIFEST_DIR"));
     second_of(bencher, &Procedure::open(file, &[]).expect("a script"));
 }
 
@@ -59,13 +60,13 @@ fn call(bencher: Bencher, source: &str) {
 /// Reading a script and trying it, and a voice of it more.
 #[divan::bench]
 fn open(bencher: Bencher) {
-    let file = format!("{}/../../examples/procedures/bees.rhai", env!("CARGO_MANIFEST_DIR"));
+    let file = format!("{}/../../examples/bees/bees.rhai", env!("CARGO_MANIFEST_DIR"));
     bencher.bench(|| Procedure::open(&file, &[]).expect("a script"));
 }
 
 #[divan::bench]
 fn voice(bencher: Bencher) {
-    let file = format!("{}/../../examples/procedures/bees.rhai", env!("CARGO_MANIFEST_DIR"));
+    let file = format!("{}/../../examples/bees/bees.rhai", env!("CARGO_MANIFEST_DIR"));
     let procedure = Procedure::open(file, &[]).expect("a script");
     bencher.bench(|| procedure.generator(RATE_HZ, Random::new(1, 1)).expect("a voice"));
 }

@@ -1,12 +1,15 @@
 //! The example scenes sound as their READMEs say.
 
+mod studio;
+
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use froufrou::motion::event::Event;
 use froufrou::render::production::Production;
 use froufrou::scene::Scene;
-use froufrou::score::{ObjectLine, Start, Verb};
+use froufrou::score::{Action, Arrival, ChannelLine, ObjectLine, Start, Verb};
+use studio::{Sound, Take};
 
 fn open(name: &str) -> Production {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../examples").join(name).join("scene.toml");
@@ -111,4 +114,218 @@ fn the_demo_shows_all_it_promises() {
     let counts = count_by_object(&open("demo"));
     assert_eq!((counts["ambulance"], counts["ball"]), (1, 7));
     assert!(counts["box"] >= 6 && counts["coin"] >= 10, "{counts:?}");
+}
+
+const RATE_HZ: f64 = 48_000.0;
+
+fn render(name: &str) -> Sound {
+    let production = open(name);
+    let lines = production.channel_lines().unwrap();
+    studio::render(&production.channel_header(), production.prototypes.clone(), lines, Take::at(48_000))
+        .unwrap()
+}
+
+/// The amplitude of the sine waves in a part of an object's stem, left, hertz by hertz.
+fn spectrum(sound: &Sound, object: &str, from_s: f64, length_s: f64) -> Spectrum {
+    let part = sound.stem(object).iter().step_by(sound.channels).skip((from_s * RATE_HZ) as usize);
+    let mut samples: Vec<f64> = part.take((length_s * RATE_HZ) as usize).map(|&s| f64::from(s)).collect();
+    let length = samples.len();
+    for (n, sample) in samples.iter_mut().enumerate() {
+        // Blackman and Harris: what leaks beyond four bins is 92 dB down.
+        let turn = std::f64::consts::TAU * n as f64 / length as f64;
+        *sample *=
+            0.35875 - 0.48829 * turn.cos() + 0.14128 * (2.0 * turn).cos() - 0.01168 * (3.0 * turn).cos();
+    }
+    let forward = realfft::RealFftPlanner::<f64>::new().plan_fft_forward(length);
+    let mut out = forward.make_output_vec();
+    forward.process(&mut samples, &mut out).unwrap();
+    Spectrum { bins: out.iter().map(|bin| bin.norm()).collect(), bin_hz: RATE_HZ / length as f64 }
+}
+
+struct Spectrum {
+    bins: Vec<f64>,
+    bin_hz: f64,
+}
+
+impl Spectrum {
+    /// Frequency and level in decibels of the strongest line within a part of a frequency.
+    fn line(&self, near_hz: f64, part: f64) -> (f64, f64) {
+        let bin = |hz: f64| (hz / self.bin_hz).round() as usize;
+        let within = bin(near_hz * (1.0 - part))..=bin(near_hz * (1.0 + part));
+        let top = within.max_by(|&a, &b| self.bins[a].total_cmp(&self.bins[b])).unwrap();
+        // The top of a parabola through the logarithms of three bins.
+        let [a, b, c] = [top - 1, top, top + 1].map(|bin| self.bins[bin].ln());
+        ((top as f64 + 0.5 * (a - c) / (a - 2.0 * b + c)) * self.bin_hz, 20.0 * self.bins[top].log10())
+    }
+
+    /// The frequency below which a part of its energy lies.
+    fn edge_hz(&self, part: f64) -> f64 {
+        let all: f64 = self.bins.iter().map(|bin| bin * bin).sum();
+        let mut below = 0.0;
+        let edge = self.bins.iter().position(|bin| {
+            below += bin * bin;
+            below >= part * all
+        });
+        edge.unwrap() as f64 * self.bin_hz
+    }
+}
+
+#[test]
+fn the_wall_throws_the_cars_sound_and_the_truck_hides_it() {
+    let production = open("car");
+    let mut ways: [Vec<(f64, Vec<Arrival>)>; 2] = Default::default();
+    for line in production.channel_lines().unwrap() {
+        if let ChannelLine::Thread(key) = line.unwrap() {
+            ways[usize::from(key.path > 0)].push((key.time_s, key.value.to_vec()));
+        }
+    }
+    let [direct, echo] = &ways;
+    // The car's image behind the wall, which at 1, 3, 5 and 7 s halves the angle at its axis in the ground plan.
+    let (car, axis) = ([0.0, 0.6, -10.0], [12.0, -12.0]);
+    let unit = |x: f64, z: f64| [x / x.hypot(z), z / x.hypot(z)];
+    let (a, b) = (unit(car[0] - axis[0], car[2] - axis[1]), unit(-axis[0], -axis[1]));
+    let normal = unit(a[0] + b[0], a[1] + b[1]);
+    let behind = (car[0] - axis[0]) * normal[0] + (car[2] - axis[1]) * normal[1];
+    let image = [car[0] - 2.0 * behind * normal[0], car[2] - 2.0 * behind * normal[1]];
+    for (ear, x) in [-0.09, 0.09].into_iter().enumerate() {
+        let image_s = ((image[0] - x).powi(2) + (car[1] - 1.6_f64).powi(2) + image[1].powi(2)).sqrt() / 343.0;
+        for mirror_s in [1.0, 3.0, 5.0, 7.0] {
+            let nearest = |a: &&(f64, Vec<Arrival>)| (a.0 - mirror_s).abs();
+            let at = echo.iter().min_by(|a, b| nearest(a).total_cmp(&nearest(b))).unwrap();
+            let off = (at.1[ear].delay_s - image_s) * RATE_HZ;
+            assert!(off.abs() < 1.0, "{off} samples at {} s", at.0);
+        }
+        // It is loudest where the wall is a mirror, heard from the right.
+        let loudest = |from_s: f64| {
+            let near = echo.iter().filter(|key| (key.0 - from_s).abs() < 0.9);
+            near.max_by(|a, b| a.1[ear].gain.total_cmp(&b.1[ear].gain)).unwrap()
+        };
+        for mirror_s in [1.0, 5.0] {
+            let (time_s, heard) = loudest(mirror_s);
+            assert!((time_s - mirror_s).abs() < 0.07, "{time_s}");
+            assert!(ear == 0 || (0.4..0.5).contains(&heard[ear].gain), "{}", heard[ear].gain);
+        }
+        // Behind the truck there is a tenth left and little more: half of −2.1 dB, then 18 dB less, and back.
+        let db = |key: &(f64, Vec<Arrival>)| 20.0 * key.1[ear].gain.log10();
+        let (first, least) = (db(&direct[0]), direct.iter().map(db).fold(f64::MAX, f64::min));
+        assert!((17.0..20.0).contains(&(first - least)), "{first} {least}");
+        assert_eq!(db(direct.last().unwrap()), first);
+        let hidden = |key: &&(f64, Vec<Arrival>)| db(key) < first - 12.0;
+        let dark: Vec<f64> = direct.iter().filter(hidden).map(|key| key.0).collect();
+        assert!((dark[0] - 2.65).abs() < 0.05 && (dark[dark.len() - 1] - 3.35).abs() < 0.05, "{dark:?}");
+        for pair in direct.windows(2).filter(|pair| pair[1].0 > pair[0].0) {
+            let slope = (db(&pair[1]) - db(&pair[0])).abs() / ((pair[1].0 - pair[0].0) * 1000.0);
+            assert!(slope < 0.5, "{slope} dB/ms at {}", pair[0].0);
+        }
+    }
+}
+
+#[test]
+fn every_bee_is_told_how_fast_it_flies() {
+    let production = open("bees");
+    let mut speeds: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
+    for line in production.object_lines().unwrap() {
+        if let ObjectLine::Cue(cue) = line.unwrap()
+            && let Action::Set(values) = cue.action
+        {
+            assert_eq!(values[0].0, "speed");
+            speeds.entry(cue.thread).or_default().push(values[0].1);
+        }
+    }
+    assert_eq!(speeds.len(), 12);
+    // The swarm itself comes and goes at 1 to 5 m/s; 3 m/s more or less each.
+    for told in speeds.values() {
+        let mean = told.iter().sum::<f64>() / told.len() as f64;
+        assert!((3.0..7.0).contains(&mean), "{mean} m/s");
+    }
+    // All twelve are close by in the middle: at least ten times as loud as at the beginning.
+    let sound = render("bees");
+    let level = |from_s: usize| {
+        let part = &sound.mix[from_s * 96_000..(from_s + 1) * 96_000];
+        10.0 * (part.iter().map(|&s| f64::from(s).powi(2)).sum::<f64>() / part.len() as f64).log10()
+    };
+    assert!(
+        level(4) - level(0) > 14.0 && level(4) - level(8) > 14.0,
+        "{} {} {}",
+        level(0),
+        level(4),
+        level(8)
+    );
+    assert!(sound.mix.iter().all(|s| s.abs() < 0.9));
+}
+
+#[test]
+fn a_string_and_a_bar_have_the_partials_of_the_readme() {
+    let sound = render("struck");
+    let fundamental = 147.0;
+    let level = |plucked: &Spectrum, n: f64| plucked.line(n * fundamental, 0.01).1;
+    let middle = spectrum(&sound, "string", 0.05, 1.5);
+    for n in [2.0, 4.0, 6.0, 8.0] {
+        let missing = level(&middle, n - 1.0) - level(&middle, n);
+        assert!(missing > 60.0, "partial {n} is {missing} dB down");
+    }
+    // Plucked at a fifth, after the first pluck has died away: the fifth partial is missing, the second there.
+    let fifth = spectrum(&sound, "string", 2.05, 1.4);
+    let missing = level(&fifth, 4.0) - level(&fifth, 5.0);
+    assert!(missing > 20.0, "partial 5 is {missing} dB down");
+    assert!(level(&fifth, 1.0) - level(&fifth, 2.0) < 20.0);
+
+    let bar = spectrum(&sound, "bar", 5.02, 0.5);
+    let hard: Vec<(f64, f64)> = [1.0, 2.756, 5.404].map(|ratio| bar.line(523.25 * ratio, 0.02)).to_vec();
+    for (line, ratio) in hard.iter().zip([1.0, 2.756, 5.404]) {
+        assert!((line.0 / hard[0].0 / ratio - 1.0).abs() < 0.002, "{} Hz for {ratio}", line.0);
+    }
+    // A soft mallet leaves the third partial out.
+    let soft = spectrum(&sound, "bar", 6.52, 0.5);
+    let third = |bar: &Spectrum| bar.line(523.25, 0.02).1 - bar.line(523.25 * 5.404, 0.02).1;
+    assert!(third(&soft) - third(&bar) > 15.0, "{} {}", third(&soft), third(&bar));
+
+    // The bell's nominal is strong on the bow and weak at the waist, where the hum is.
+    let at = |from_s: f64| spectrum(&sound, "bell", from_s, 0.8);
+    let (bow, waist) = (at(9.52), at(11.52));
+    let nominal = |bell: &Spectrum| bell.line(2.0 * 587.33, 0.01).1 - bell.line(0.5 * 587.33, 0.01).1;
+    assert!(nominal(&bow) - nominal(&waist) > 12.0, "{} {}", nominal(&bow), nominal(&waist));
+}
+
+#[test]
+fn what_slides_faster_is_brighter() {
+    let sound = render("sandpaper");
+    // The middles of a slow and a fast stroke: 0.393 and 1.047 m/s.
+    let slow = spectrum(&sound, "block", 0.65, 0.1).edge_hz(0.99);
+    let fast = spectrum(&sound, "block", 3.32, 0.06).edge_hz(0.99);
+    assert!((fast / slow / (1.047 / 0.393) - 1.0).abs() < 0.1, "{slow} Hz, {fast} Hz");
+    // The finger slips every 0.3 mm: at 0.393 m/s that is 1309 Hz.
+    let squeak = spectrum(&sound, "finger", 5.785, 0.03).line(1309.0, 0.1).0;
+    assert!((squeak / 1309.0 - 1.0).abs() < 0.03, "{squeak} Hz");
+    // The cane is silent where it rests, though its sound goes on.
+    let loudest = |from_s: f64, to_s: f64| {
+        let [from, to] = [from_s, to_s].map(|time_s| (time_s * RATE_HZ) as usize * 2);
+        sound.stem("cane")[from..to].iter().fold(0.0_f32, |most, s| most.max(s.abs()))
+    };
+    assert_eq!(loudest(0.1, 6.9), 0.0);
+    assert!(loudest(7.2, 7.4) > 0.05 && loudest(7.6, 7.7) < 0.001 && loudest(8.3, 8.6) == 0.0);
+}
+
+#[test]
+fn a_wire_sings_as_the_wind_blows() {
+    let production = open("wind");
+    let sound = render("wind");
+    let told: Vec<(f64, f64)> = production
+        .object_lines()
+        .unwrap()
+        .filter_map(|line| match line.unwrap() {
+            ObjectLine::Cue(cue) if cue.thread == 2 => match cue.action {
+                Action::Set(values) => Some((cue.time_s, values[0].1)),
+                Action::Strike(_) => None,
+            },
+            _ => None,
+        })
+        .collect();
+    let speed = |time_s: f64| told.iter().find(|(t, _)| (t - time_s).abs() < 0.06).unwrap().1;
+    for time_s in [0.5, 1.6, 4.5, 6.5] {
+        let sings = 0.2 * speed(time_s) / 0.002;
+        let found = spectrum(&sound, "wire", time_s - 0.1, 0.2).edge_hz(0.5);
+        assert!((found / sings - 1.0).abs() < 0.15, "{found} Hz for {sings} Hz at {time_s} s");
+    }
+    assert_eq!(count_by_object(&production).len(), 3);
 }

@@ -67,7 +67,8 @@ fn script(source: &str, seconds: f64) -> Vec<f64> {
 }
 
 fn shipped(name: &str, given: &[(&str, f64)]) -> Procedure {
-    let file: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/procedures").join(name);
+    let folder = if name == "bees.rhai" { "bees" } else { "procedures" };
+    let file: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples").join(folder).join(name);
     let given: Vec<_> = given.iter().map(|&(name, value)| (name.to_owned(), value)).collect();
     Procedure::open(file, &given).unwrap()
 }

@@ -545,3 +545,33 @@ fn an_onset_that_rings_for_long_does_not_depend_on_the_range() {
         assert!(part == whole.mix[from..from + part.len()], "from {from_s} s");
     }
 }
+
+#[test]
+fn what_is_at_rest_does_not_stir_the_air() {
+    let scene = r#"
+        duration = 6
+        [listener]
+        layout = "mono"
+        [instrument.swish]
+        kind = "turbulence"
+        [material.cane]
+        air = { instrument = "swish" }
+        [[object]]
+        name = "cane"
+        material = "cane"
+        interpolation = "linear"
+        track = [
+            { t = 0, position = [0, 0, -1] },
+            { t = 2.5, position = [0, 0, -1] },
+            { t = 3.5, position = [5, 0, -1] },
+        ]
+    "#;
+    let sound = Studio::new().scene(scene, Take::at(48_000)).unwrap();
+    let loudest = |from_s: f64, to_s: f64| {
+        let part = &sound.mix[(from_s * 48e3) as usize..(to_s * 48e3) as usize];
+        part.iter().fold(0.0_f32, |most, sample| most.max(sample.abs()))
+    };
+    assert!(loudest(2.6, 3.4) > 0.1);
+    // It starts and stops within the time between two frames and the way of its sound.
+    assert_eq!((loudest(0.0, 2.47), loudest(3.56, 6.0)), (0.0, 0.0));
+}

@@ -32,6 +32,10 @@ const HEARTBEAT_S: f64 = 1.0;
 /// So often a thread is told how the wind blows.
 const WIND_STEP_S: f64 = 0.1;
 
+/// Where lines are further apart than [`WIND_STEP_S`], the speed changes within this time of them alone: what has
+/// come to rest is silent at once, and what rests until the next line does not swell towards it.
+const BEND_S: f64 = 0.02;
+
 /// Two bodies that slide and are not told to any more have stopped after so long.
 const SLIDE_GAP_S: f64 = 0.03;
 
@@ -418,7 +422,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             self.voices.remove(&id);
             self.last_end_s = self.last_end_s.max(time_s);
         } else {
-            self.schedule(id, time_s);
+            self.schedule(id, time_s)?;
         }
         Ok(())
     }
@@ -435,9 +439,9 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         }
     }
 
-    fn schedule(&mut self, id: u64, time_s: f64) {
+    fn schedule(&mut self, id: u64, time_s: f64) -> Result<()> {
         let changes = self.world.wind.as_ref().is_some_and(|wind| wind.changes());
-        let Some(voice) = self.voices.get_mut(&id) else { return };
+        let Some(voice) = self.voices.get_mut(&id) else { return Ok(()) };
         let beat_s = if voice.speed.is_some() && changes { WIND_STEP_S } else { HEARTBEAT_S };
         let mut next_s = voice.end_s.min(time_s + beat_s);
         if let Some(key_s) = voice.next_key_s(time_s) {
@@ -446,8 +450,14 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         if let Some(&(point_s, _)) = voice.gain.iter().find(|&&(point_s, _)| point_s > time_s) {
             next_s = next_s.min(point_s);
         }
+        if voice.speed.is_some() && next_s - time_s > WIND_STEP_S + BEND_S {
+            let wind = self.world.wind.as_ref();
+            let settled = voice.speed_mps(time_s, wind)? == voice.speed_mps(time_s + BEND_S, wind)?;
+            next_s = if settled { next_s - BEND_S } else { time_s + BEND_S };
+        }
         voice.due_s = next_s;
         self.due.push(Reverse(Due { time_s: next_s, what: What::Line, id }));
+        Ok(())
     }
 
     /// Begins a thread; gives its number.

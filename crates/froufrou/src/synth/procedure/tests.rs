@@ -5,7 +5,8 @@ use super::*;
 const RATE_HZ: f64 = 48_000.0;
 
 pub(super) fn shipped(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/procedures").join(name)
+    let folder = if name == "bees.rhai" { "bees" } else { "procedures" };
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples").join(folder).join(name)
 }
 
 fn given(values: &[(&str, f64)]) -> Vec<(String, f64)> {
