@@ -90,13 +90,19 @@ impl Soundtrack<'_> {
             }
         }
         if let (Some(last), Some(picture)) = (panels.last(), pictures.first()) {
-            sheet.lower_axis(*last, time, &ticks, &format!("time ({unit})"));
+            let name = format!("time ({unit})");
+            sheet.lower_axis(*last, time, &ticks, &name);
             let window = format!(
                 "waveforms to ±{} · Hann window {} ms",
                 half_tick(peak, peak).label,
                 number(picture.window_s * 1e3, 1.0)
             );
             let baseline = last.bottom + 60.0 * sheet.unit_px;
+            // Beside the name of the axis, as far as there is room.
+            let letters = sheet.letters_px();
+            let name_px = sheet.canvas.text_width_px(&name, letters);
+            let room_px = (last.width() - name_px) / 2.0 - 12.0 * sheet.unit_px;
+            let window = sheet.canvas.fitted(&window, letters, room_px);
             sheet.text(&window, last.left, baseline, Anchor::Start, GREY);
         }
         colour_bar(&mut sheet, below, levels);

@@ -131,6 +131,7 @@ pub(crate) const ALL_KEYS: &[(&str, Keys)] = &[
     ("Patterns", sounds::PATTERN),
     ("A key of `at`", sounds::START),
     ("A key of `at` of an instrument", sounds::STRIKE),
+    ("Kinds of instruments", sounds::KINDS),
     ("`[[contacts]]`", CONTACTS),
     ("`columns` of a contact log", COLUMNS),
 ];

@@ -95,7 +95,8 @@ pub(super) const PATTERN: Keys = &["lobe"];
 pub(super) const START: Keys = &["t", "gain_db", "speed"];
 pub(super) const STRIKE: Keys = &["t", "impulse", "place", "contact"];
 
-const KINDS: &[&str] =
+/// What makes an instrument.
+pub(super) const KINDS: Keys =
     &["string", "bar", "free-bar", "clamped-bar", "modes", "needle", "stick-slip", "turbulence", "procedure"];
 
 /// The most files or patterns in one list of recordings.
