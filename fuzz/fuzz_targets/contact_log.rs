@@ -1,11 +1,11 @@
-//! Contact logs, plain and gzipped, and the impacts found in them, which must be events that can be
-//! written.
+//! Contact logs, plain and gzipped, and the impacts and slides found in them, which must be events that
+//! can be written.
 #![no_main]
 
 use std::io::Cursor;
 
+use froufrou::motion::contacts::LogEvents;
 use froufrou::motion::event;
-use froufrou::motion::impact::LogImpacts;
 use froufrou::scene::asset::Asset;
 use froufrou::scene::contact_log::{ContactColumns, ContactLog, Push, UpAxis};
 use froufrou::scene::file::Contacts;
@@ -22,6 +22,8 @@ fn columns(all: bool) -> ContactColumns {
         push: if all { Push::Impulse("J".into()) } else { Push::Force("F".into()) },
         normal: all.then(|| three(["nx", "ny", "nz"])),
         normal_velocity: all.then(|| "v".into()),
+        // These columns the seeds have.
+        sliding_velocity: if all { vec!["v".into(), "nx".into()] } else { Vec::new() },
         up: if all { UpAxis::Z } else { UpAxis::Y },
         unit_m: if all { 0.01 } else { 1.0 },
         time_offset_s: if all { -0.5 } else { 0.0 },
@@ -45,13 +47,13 @@ target!(|bytes| {
             let log = Asset { name: "log.csv".into(), path: path.into() };
             for step_s in [None, Some(0.001)] {
                 let contacts = Contacts { log: log.clone(), columns: columns.clone(), step_s };
-                let Ok(impacts) = LogImpacts::open(&contacts) else { continue };
+                let Ok(events) = LogEvents::open(&contacts) else { continue };
                 let mut last_s = f64::NEG_INFINITY;
-                for impact in impacts {
-                    let Ok(impact) = impact else { break };
-                    assert!(impact.time_s() >= last_s, "{impact:?} goes back from {last_s}");
-                    last_s = impact.time_s();
-                    event::write(&mut std::io::sink(), &impact).expect("an event that can be written");
+                for event in events {
+                    let Ok(found) = event else { break };
+                    assert!(found.time_s() >= last_s, "{found:?} goes back from {last_s}");
+                    last_s = found.time_s();
+                    event::write(&mut std::io::sink(), &found).expect("an event that can be written");
                 }
             }
         });
