@@ -1,13 +1,12 @@
 //! glTF files that are cut short, flipped, absurd or malicious: always an error or a reading, never a
 //! panic, a hang, or memory beyond a multiple of the file.
 
-mod allocation;
+mod damage;
 
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use allocation::{most_held, turn};
-use froufrou::Error;
+use damage::{Bounds, Scratch, most_held, read_all, turn};
 use froufrou::scene::animation::{Animation, Mesh, ObjectKind};
 use froufrou::scene::gltf::Gltf;
 use proptest::prelude::*;
@@ -22,62 +21,18 @@ fn fixture(name: &str) -> Vec<u8> {
     std::fs::read(fixtures().join(name)).expect("a fixture")
 }
 
-/// Opens the bytes as a file and reads everything at a few times; the first error ends it.
-fn read_all(path: &Path) -> Result<usize, Error> {
-    let animation = Gltf::open(path)?;
-    let mut mesh = Mesh::default();
-    for (index, object) in animation.objects().iter().enumerate() {
-        let (first_s, last_s) = object.key_times.span_s().unwrap_or((0.0, 0.0));
-        for time_s in [first_s, first_s + 0.13, last_s] {
-            animation.transform(index, time_s)?;
-            if object.kind == ObjectKind::Mesh {
-                animation.mesh(index, time_s, &mut mesh)?;
-                assert_eq!(mesh.face_vertices.len(), 3 * mesh.face_sizes.len());
-                assert!(mesh.face_vertices.iter().all(|&vertex| (vertex as usize) < mesh.positions.len()));
-            }
-        }
-    }
-    Ok(animation.objects().len())
+/// A folder for one damaged file after another, beside the buffer that a fixture names.
+fn scratch() -> Scratch {
+    let bounds = Bounds { time: Duration::from_secs(8), base_bytes: 80 << 20, per_byte: 500 };
+    let scratch = Scratch::new("damaged.gltf", |path| read_all(&Gltf::open(path)?)).within(bounds);
+    let beside = "quantised data.bin";
+    std::fs::copy(fixtures().join(beside), scratch.folder.path().join(beside)).expect("a copy");
+    scratch
 }
 
-struct Scratch {
-    folder: tempfile::TempDir,
-}
-
-impl Scratch {
-    fn new() -> Self {
-        let folder = tempfile::tempdir().expect("a folder");
-        let beside = "quantised data.bin";
-        std::fs::copy(fixtures().join(beside), folder.path().join(beside)).expect("a copy");
-        Self { folder }
-    }
-
-    fn path(&self) -> PathBuf {
-        self.folder.path().join("damaged.gltf")
-    }
-
-    /// What reading gives, after checking that time, memory and the error are in order.
-    fn try_bytes(&self, bytes: &[u8]) -> Result<usize, Error> {
-        std::fs::write(self.path(), bytes).expect("a file");
-        let begin = Instant::now();
-        let (result, most) = most_held(|| read_all(&self.path()));
-        assert!(begin.elapsed() < Duration::from_secs(8), "it took {:?}", begin.elapsed());
-        assert!(most < (80 << 20) + 500 * bytes.len(), "{most} bytes for a file of {}", bytes.len());
-        if let Err(error) = &result {
-            assert!(error.file().is_some() && error.place().is_some(), "{error}");
-            assert!(error.to_string().ends_with(')'), "no advice: {error}");
-        }
-        result
-    }
-
-    fn error(&self, text: impl AsRef<[u8]>) -> String {
-        self.try_bytes(text.as_ref()).expect_err("this cannot be read").to_string()
-    }
-
-    /// The error of a document with these members besides what every one has.
-    fn refused(&self, members: &str) -> String {
-        self.error(document(members))
-    }
+/// The error of a document with these members besides what every one has.
+fn refused(scratch: &Scratch, members: &str) -> String {
+    scratch.error(document(members))
 }
 
 /// A document with one buffer of `BYTES` bytes, 0, 1, 2 and so on, and these members.
@@ -104,7 +59,7 @@ fn accessor(component: u32, kind: &str, count: u64) -> String {
 
 #[test]
 fn other_kinds_of_file_are_named() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     assert!(scratch.error("").contains("neither binary glTF nor JSON"));
     assert!(scratch.error("# a Wavefront file\nv 0 0 0\n").contains("neither binary glTF nor JSON"));
     assert!(scratch.error("{}").contains("no `asset`"));
@@ -121,12 +76,12 @@ fn other_kinds_of_file_are_named() {
 
 #[test]
 fn what_an_extension_hides_is_said() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     for name in ["KHR_draco_mesh_compression", "EXT_meshopt_compression"] {
-        let error = scratch.refused(&format!(r#""extensionsRequired":["{name}"]"#));
+        let error = refused(&scratch, &format!(r#""extensionsRequired":["{name}"]"#));
         assert!(error.contains(name) && error.contains("without compression"), "{error}");
     }
-    let error = scratch.refused(r#""extensionsRequired":["EXT_mesh_gpu_instancing"]"#);
+    let error = refused(&scratch, r#""extensionsRequired":["EXT_mesh_gpu_instancing"]"#);
     assert!(error.contains("EXT_mesh_gpu_instancing") && error.contains("extensionsRequired[0]"), "{error}");
     for name in
         ["KHR_materials_unlit", "KHR_texture_transform", "KHR_lights_punctual", "KHR_mesh_quantization"]
@@ -138,13 +93,13 @@ fn what_an_extension_hides_is_said() {
     let hidden = mesh(r#"{"componentType":5126,"type":"VEC3","count":3}"#, "");
     assert!(scratch.try_bytes(document(&hidden).as_bytes()).is_ok());
     let used = format!(r#""extensionsUsed":["KHR_draco_mesh_compression"],{hidden}"#);
-    assert!(scratch.refused(&used).contains("KHR_draco_mesh_compression"));
+    assert!(refused(&scratch, &used).contains("KHR_draco_mesh_compression"));
 }
 
 /// Things that strict readers stumble over and that are sound, or no business of ours.
 #[test]
 fn what_is_no_fault_is_read() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     for members in [
         r#""scenes":[{"name":"empty"}]"#,
         r#""extras":5,"nodes":[{"extras":[1,2],"name":null}]"#,
@@ -160,7 +115,7 @@ fn what_is_no_fault_is_read() {
 
 #[test]
 fn nodes_that_cannot_be_a_tree_are_refused() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     for (members, expected) in [
         (r#""nodes":[{"children":[0]}]"#, "contains itself"),
         (r#""nodes":[{"children":[1]},{"children":[0]}],"scenes":[{"nodes":[]}]"#, "contains itself"),
@@ -175,7 +130,7 @@ fn nodes_that_cannot_be_a_tree_are_refused() {
         (r#""nodes":[{"mesh":0,"skin":1}],"meshes":[{}]"#, "no skin 1"),
         (r#""nodes":[{}],"skins":[{"joints":[1]}]"#, "no node 1 for a joint"),
     ] {
-        let error = scratch.refused(members);
+        let error = refused(&scratch, members);
         assert!(error.contains(expected), "{members}: {error}");
     }
     let chain = |levels: usize| {
@@ -188,13 +143,13 @@ fn nodes_that_cannot_be_a_tree_are_refused() {
 
 #[test]
 fn arrays_beyond_their_buffer_are_refused_before_they_are_believed() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     for count in [21, 1 << 20, 1 << 40, u64::MAX / 12, u64::MAX] {
-        let error = scratch.refused(&mesh(&accessor(5126, "VEC3", count), ""));
+        let error = refused(&scratch, &mesh(&accessor(5126, "VEC3", count), ""));
         assert!(error.contains("do not fit") || error.contains("too many"), "{error}");
         // Without a buffer they are zeros, of which a small file may have some.
         let zeros = mesh(&format!(r#"{{"componentType":5126,"type":"VEC3","count":{count}}}"#), "");
-        assert!(count < 1 << 30 || scratch.refused(&zeros).contains("too many"), "{count}");
+        assert!(count < 1 << 30 || refused(&scratch, &zeros).contains("too many"), "{count}");
     }
     let with_view = |view: &str| {
         mesh(&accessor(5126, "VEC3", 3), "").replace(&format!(r#""buffer":0,"byteLength":{BYTES}"#), view)
@@ -206,46 +161,46 @@ fn arrays_beyond_their_buffer_are_refused_before_they_are_believed() {
         (r#""buffer":0,"byteLength":240,"byteStride":18446744073709551600"#, "do not fit"),
         (r#""buffer":9,"byteLength":240"#, "no buffer 9"),
     ] {
-        let error = scratch.refused(&with_view(view));
+        let error = refused(&scratch, &with_view(view));
         assert!(error.contains(expected) && error.contains("accessors[0]"), "{error}");
     }
-    assert!(scratch.refused(&mesh("", "")).contains("no accessor 0"));
-    assert!(scratch.refused(&mesh(&accessor(5130, "VEC3", 3), "")).contains("component type 5130"));
-    assert!(scratch.refused(&mesh(&accessor(5126, "VEC2", 3), "")).contains("type Vec3"));
-    assert!(scratch.refused(&mesh(&accessor(5126, "VEC9", 3), "")).contains("VEC9"));
+    assert!(refused(&scratch, &mesh("", "")).contains("no accessor 0"));
+    assert!(refused(&scratch, &mesh(&accessor(5130, "VEC3", 3), "")).contains("component type 5130"));
+    assert!(refused(&scratch, &mesh(&accessor(5126, "VEC2", 3), "")).contains("type Vec3"));
+    assert!(refused(&scratch, &mesh(&accessor(5126, "VEC9", 3), "")).contains("VEC9"));
     let short = document("\"nodes\":[]").replace(r#""byteLength":240"#, r#""byteLength":241"#);
     assert!(scratch.error(short).contains("should have 241 bytes and has 240"));
 }
 
 #[test]
 fn vertices_and_joints_that_are_not_there_are_refused() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     // The bytes of the buffer are 0, 1, 2 and so on: as indices they exceed three vertices.
     let positions = accessor(5121, "VEC3", 3);
     let indices = format!("{positions},{}", accessor(5121, "SCALAR", 6));
-    let error = scratch.refused(&mesh(&indices, r#","indices":1"#));
+    let error = refused(&scratch, &mesh(&indices, r#","indices":1"#));
     assert!(error.contains("name vertex 3, but there are 3") && error.contains("primitives[0]"), "{error}");
-    assert!(scratch.refused(&mesh(&accessor(5121, "VEC3", 4), "")).contains("4 corners make no triangles"));
-    assert!(scratch.refused(&mesh(&positions, r#","mode":7"#)).contains("no mode 7"));
+    assert!(refused(&scratch, &mesh(&accessor(5121, "VEC3", 4), "")).contains("4 corners make no triangles"));
+    assert!(refused(&scratch, &mesh(&positions, r#","mode":7"#)).contains("no mode 7"));
     let target = format!("{positions},{}", accessor(5121, "VEC3", 2));
-    assert!(scratch.refused(&mesh(&target, r#","targets":[{"POSITION":1}]"#)).contains("has 2 elements"));
+    assert!(refused(&scratch, &mesh(&target, r#","targets":[{"POSITION":1}]"#)).contains("has 2 elements"));
     let four = |component| accessor(component, "VEC4", 3);
     let skinned = format!("{positions},{},{}", four(5121), four(5121));
     let skinned = mesh(&skinned, "").replace(r#""POSITION":0"#, r#""POSITION":0,"JOINTS_0":1,"WEIGHTS_0":2"#);
     let skinned = skinned.replace(r#"{"mesh":0}"#, r#"{"mesh":0,"skin":0},{},{}"#);
-    let error = scratch.refused(&format!(r#"{skinned},"skins":[{{"joints":[1,2]}}]"#));
+    let error = refused(&scratch, &format!(r#"{skinned},"skins":[{{"joints":[1,2]}}]"#));
     assert!(error.contains("hangs on joint 11, but the skin has 2"), "{error}");
     let alone = skinned.replace(r#","WEIGHTS_0":2"#, "");
-    assert!(scratch.refused(&format!(r#"{alone},"skins":[{{"joints":[1]}}]"#)).contains("no WEIGHTS_0"));
+    assert!(refused(&scratch, &format!(r#"{alone},"skins":[{{"joints":[1]}}]"#)).contains("no WEIGHTS_0"));
     let sparse = r#"{"componentType":5121,"type":"VEC3","count":3,"sparse":{"count":4,"indices":{"bufferView":0,"componentType":5121},"values":{"bufferView":0}}}"#;
-    assert!(scratch.refused(&mesh(sparse, "")).contains("names element 3; there are 3"));
+    assert!(refused(&scratch, &mesh(sparse, "")).contains("names element 3; there are 3"));
     let sparse = sparse.replace(r#""count":4"#, r#""count":18446744073709551615"#);
-    assert!(scratch.refused(&mesh(&sparse, "")).contains("do not fit"));
+    assert!(refused(&scratch, &mesh(&sparse, "")).contains("do not fit"));
 }
 
 #[test]
 fn tracks_that_make_no_sense_are_refused() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     let clip = |times: [f32; 3], sampler: &str, channel: &str, output: &str| {
         let bytes: String =
             times.iter().flat_map(|time| time.to_le_bytes()).map(|b| format!("%{b:02x}")).collect();
@@ -270,7 +225,7 @@ fn tracks_that_make_no_sense_are_refused() {
 
 #[test]
 fn a_nan_is_given_as_it_is() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     let nan: String = f32::NAN.to_le_bytes().iter().map(|byte| format!("%{byte:02x}")).collect();
     let text = document(&mesh(&accessor(5126, "VEC3", 3), "")).replace("%00%01%02%03", &nan);
     assert_eq!(scratch.try_bytes(text.as_bytes()).expect("odd but sound"), 1);
@@ -281,7 +236,7 @@ fn a_nan_is_given_as_it_is() {
 
 #[test]
 fn buffers_elsewhere_are_refused() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     for uri in ["http://example.org/a.bin", "file:///etc/passwd", "/etc/passwd", "../a.bin", "none.bin", "."]
     {
         let text = format!(r#"{{"asset":{{"version":"2.0"}},"buffers":[{{"byteLength":1,"uri":"{uri}"}}]}}"#);
@@ -292,7 +247,7 @@ fn buffers_elsewhere_are_refused() {
 
 #[test]
 fn parts_that_are_shared_do_not_multiply_for_ever() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     let bytes = 600_000;
     std::fs::write(scratch.folder.path().join("big.bin"), vec![0; bytes]).expect("a file");
     let big = |members: &str| {
@@ -352,7 +307,7 @@ fn parts_that_are_shared_do_not_multiply_for_ever() {
 /// A mesh cache: a morph target for every frame.
 #[test]
 fn a_long_animation_is_read_in_bounded_memory() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     let (vertices, frames) = (30_000, 400);
     let size = 12 * vertices;
     let name = scratch.folder.path().join("frames.bin");
@@ -406,7 +361,7 @@ fn a_long_animation_is_read_in_bounded_memory() {
 
 #[test]
 fn a_truncated_file_is_refused() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     let whole = fixture("skin.glb");
     for length in (1..whole.len()).step_by(7) {
         assert!(scratch.try_bytes(&whole[..length]).is_err(), "{length} of {} bytes", whole.len());
@@ -421,7 +376,7 @@ fn a_truncated_file_is_refused() {
 
 #[test]
 fn a_file_cut_while_it_is_open_is_an_error() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     let bytes = fixture("skin.glb");
     std::fs::write(scratch.path(), &bytes).expect("a file");
     let animation = Gltf::open(scratch.path()).expect("a sound file");
@@ -433,7 +388,7 @@ fn a_file_cut_while_it_is_open_is_an_error() {
 
 #[test]
 fn flipped_bytes_all_over_the_file_end_well() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     for name in FIXTURES {
         let whole = fixture(name);
         let mut refused = 0;
@@ -477,7 +432,7 @@ proptest! {
             let index = place.index(bytes.len());
             bytes[index] = value;
         }
-        let _ = Scratch::new().try_bytes(&bytes);
+        let _ = scratch().try_bytes(&bytes);
     }
 
     #[test]
@@ -503,7 +458,7 @@ proptest! {
             bytes[8..12].copy_from_slice(&length.to_le_bytes());
             bytes[12..16].copy_from_slice(&(start as u32 - 20).to_le_bytes());
         }
-        let _ = Scratch::new().try_bytes(&bytes);
+        let _ = scratch().try_bytes(&bytes);
     }
 
     #[test]
@@ -515,6 +470,6 @@ proptest! {
         let _turn = turn();
         let whole = fixture(name);
         let (from, to) = (from.index(whole.len()), to.index(whole.len()));
-        let _ = Scratch::new().try_bytes(&[&whole[..from], &whole[to..]].concat());
+        let _ = scratch().try_bytes(&[&whole[..from], &whole[to..]].concat());
     }
 }

@@ -5,7 +5,7 @@ mod damage;
 
 use std::path::Path;
 
-use damage::{Scratch, most_held, turn};
+use damage::{Scratch, most_held, read_all, turn};
 use froufrou::Error;
 use froufrou::scene::animation::{KeyTimes, Mesh};
 use froufrou::scene::world::open_animation;
@@ -18,21 +18,9 @@ fn fixture(name: &str) -> Vec<u8> {
     std::fs::read(folder.join(name)).expect("a fixture")
 }
 
-/// Opens the bytes as a file and reads everything at a few times; the first error ends it.
-fn read_all(path: &Path) -> Result<usize, Error> {
-    let animation = open_animation(path)?;
-    let mut mesh = Mesh::default();
-    for (index, object) in animation.objects().iter().enumerate().take(100) {
-        let (first_s, last_s) = object.key_times.span_s().unwrap_or((0.0, 0.0));
-        for time_s in [first_s, first_s + 0.013, last_s] {
-            animation.transform(index, time_s)?;
-            animation.mesh(index, time_s, &mut mesh)?;
-            // What uses a mesh trusts its indices.
-            assert!(mesh.face_vertices.iter().all(|v| (*v as usize) < mesh.positions.len()));
-            assert_eq!(mesh.face_sizes.iter().map(|s| *s as usize).sum::<usize>(), mesh.face_vertices.len());
-        }
-    }
-    Ok(animation.objects().len())
+/// Opens the bytes as a file and reads everything.
+fn read(path: &Path) -> Result<usize, Error> {
+    read_all(open_animation(path)?.as_ref())
 }
 
 /// A place to put what was a fixture, under a name that ends as it did.
@@ -40,7 +28,7 @@ fn scratch(name: &str) -> Scratch {
     let ending = name.rsplit('.').next().unwrap_or_default();
     let names = [("pc2", "damaged.pc2"), ("mdd", "damaged.mdd"), ("obj", "damaged.obj")];
     let name = names.into_iter().find(|(known, _)| *known == ending).expect("a known ending").1;
-    Scratch::new(name, read_all)
+    Scratch::new(name, read)
 }
 
 fn pc2(version: i32, points: i32, start: f32, step: f32, samples: i32, numbers: usize) -> Vec<u8> {
@@ -98,7 +86,7 @@ fn counts_that_are_absurd_are_refused_before_they_are_believed() {
         let error = scratch.error(&bytes);
         assert!(error.contains(told), "{told}: {error}");
     }
-    let scratch = Scratch::new("damaged.mdd", read_all);
+    let scratch = Scratch::new("damaged.mdd", read);
     for (bytes, told) in [
         (mdd(0, 0, &[], 0), "there are no frames"),
         (mdd(u32::MAX, u32::MAX, &[], 3), "make a file of"),
@@ -109,7 +97,7 @@ fn counts_that_are_absurd_are_refused_before_they_are_believed() {
         let error = scratch.error(&bytes);
         assert!(error.contains(told), "{told}: {error}");
     }
-    let error = Scratch::new("damaged.pc2", read_all).error(&mdd(1, 1, &[0.0], 4));
+    let error = Scratch::new("damaged.pc2", read).error(&mdd(1, 1, &[0.0], 4));
     assert!(error.contains("signature"), "{error}");
 }
 
@@ -122,7 +110,7 @@ fn meshes_of_nothing_and_one_frame_are_read() {
         let animation = open_animation(scratch.path()).expect("odd but sound");
         assert_eq!(animation.objects()[0].key_times, KeyTimes::Static);
     }
-    let scratch = Scratch::new("damaged.mdd", read_all);
+    let scratch = Scratch::new("damaged.mdd", read);
     for bytes in [mdd(3, 0, &[0.0, 1.0, 5.0], 0), mdd(1, 1, &[7.0], 3)] {
         assert_eq!(scratch.try_bytes(&bytes).expect("odd but sound"), 1);
     }
@@ -164,7 +152,7 @@ fn a_long_cache_takes_the_memory_of_a_few_frames() {
         ("damaged.pc2", pc2(1, points, 0.0, 24.0, frames, 3 * 1_000_000)),
         ("damaged.mdd", mdd(frames as u32, points as u32, &times_s, 3 * 1_000_000)),
     ] {
-        let scratch = Scratch::new(name, read_all);
+        let scratch = Scratch::new(name, read);
         std::fs::write(scratch.path(), bytes).expect("a file");
         let ((), most) = most_held(|| {
             let animation = open_animation(scratch.path()).expect("long but sound");

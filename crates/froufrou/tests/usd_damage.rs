@@ -3,63 +3,21 @@
 
 #![cfg(feature = "usd")]
 
-mod allocation;
+mod damage;
 
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use allocation::{most_held, turn};
-use froufrou::Error;
-use froufrou::scene::animation::{Animation, Mesh, ObjectKind};
+use damage::{Bounds, Scratch, read_all, turn};
 use froufrou::scene::usd::Usd;
 
 fn fixture(name: &str) -> Vec<u8> {
     std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/usd").join(name)).expect("a fixture")
 }
 
-/// Opens the file and reads everything at a few times; the first error ends it.
-fn read_all(path: &Path) -> Result<usize, Error> {
-    let animation = Usd::open(path)?;
-    let mut mesh = Mesh::default();
-    for (index, object) in animation.objects().iter().enumerate() {
-        let (first_s, last_s) = object.key_times.span_s().unwrap_or((0.0, 0.0));
-        for time_s in [first_s, first_s + 0.013, last_s] {
-            animation.transform(index, time_s)?;
-            if object.kind == ObjectKind::Mesh {
-                animation.mesh(index, time_s, &mut mesh)?;
-            }
-        }
-    }
-    Ok(animation.objects().len())
-}
-
-struct Scratch {
-    folder: tempfile::TempDir,
-}
-
-impl Scratch {
-    fn new() -> Self {
-        Self { folder: tempfile::tempdir().expect("a folder") }
-    }
-
-    /// What reading gives, after checking that time, memory and the error are in order.
-    fn try_bytes(&self, bytes: &[u8]) -> Result<usize, Error> {
-        let path = self.folder.path().join("damaged.usd");
-        std::fs::write(&path, bytes).expect("a file");
-        let begin = Instant::now();
-        let (result, most) = most_held(|| read_all(&path));
-        assert!(begin.elapsed() < Duration::from_secs(20), "it took {:?}", begin.elapsed());
-        assert!(most < (96 << 20) + 200 * bytes.len(), "{most} bytes for a file of {}", bytes.len());
-        if let Err(error) = &result {
-            assert!(error.file().is_some() && error.place().is_some(), "{error}");
-            assert!(error.to_string().ends_with(')'), "no advice: {error}");
-        }
-        result
-    }
-
-    fn error(&self, bytes: &[u8]) -> String {
-        self.try_bytes(bytes).expect_err("this cannot be read").to_string()
-    }
+fn scratch() -> Scratch {
+    let bounds = Bounds { time: Duration::from_secs(20), base_bytes: 96 << 20, per_byte: 200 };
+    Scratch::new("damaged.usd", |path| read_all(&Usd::open(path)?)).within(bounds)
 }
 
 /// The library's panics are caught; their messages would only fill the test's output.
@@ -77,7 +35,7 @@ fn quietly() {
 
 #[test]
 fn other_kinds_of_file_are_named() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     assert!(scratch.error(b"").contains("not a USD file"));
     assert!(scratch.error(b"Ogawa\xff").contains("not a USD file"));
     assert!(scratch.error(b"PXR-USDC").contains("ends before"));
@@ -88,7 +46,7 @@ fn other_kinds_of_file_are_named() {
 
 #[test]
 fn truncated_files_are_an_error_or_a_reading() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     quietly();
     for (name, step) in [("skeleton.usdc", 397), ("skeleton.usdz", 997), ("skeleton.usda", 1499)] {
         let whole = fixture(name);
@@ -101,7 +59,7 @@ fn truncated_files_are_an_error_or_a_reading() {
 
 #[test]
 fn flipped_bytes_are_an_error_or_a_reading() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     quietly();
     let random = froufrou::random::Random::new(7, 1);
     let mut errors = 0;
@@ -127,7 +85,7 @@ fn flipped_bytes_are_an_error_or_a_reading() {
 
 #[test]
 fn brackets_within_brackets_do_not_exhaust_the_stack() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     for open in ["{", "(", "[", "def \"a\" {\n", "def \"a\" (\n customData = {\n dictionary a = {\n"] {
         let text = format!("#usda 1.0\n{}", open.repeat(100_000));
         let error = scratch.error(text.as_bytes());
@@ -137,7 +95,7 @@ fn brackets_within_brackets_do_not_exhaust_the_stack() {
 
 #[test]
 fn what_a_mesh_claims_is_checked() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     let mesh = |counts: &str, indices: &str, more: &str| {
         let text = format!(
             "#usda 1.0\ndef Mesh \"M\" {{\n int[] faceVertexCounts = {counts}\n int[] faceVertexIndices = {indices}\n \
@@ -168,7 +126,7 @@ fn what_a_mesh_claims_is_checked() {
 
 #[test]
 fn references_that_go_round_or_multiply_end() {
-    let (_turn, scratch) = (turn(), Scratch::new());
+    let (_turn, scratch) = (turn(), scratch());
     quietly();
     let error = scratch.error(
         b"#usda 1.0\ndef \"A\" (\n references = </B>\n) {\n}\ndef \"B\" (\n references = </A>\n) {\n}\n",
