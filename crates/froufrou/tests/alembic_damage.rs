@@ -251,7 +251,7 @@ fn an_object_that_contains_itself_is_refused() {
     let own_position = writer.bytes.len() as u64 + 8 + 45;
     let own = writer.object(0, &[("self", "", own_position)]);
     assert_eq!(own, own_position);
-    let error = scratch.error(&writer.finish(own));
+    let error = scratch.error(writer.finish(own));
     assert!(error.contains("contains itself") && error.contains("/self/self/self"), "{error}");
 }
 
@@ -267,7 +267,7 @@ fn many_levels_do_not_exhaust_the_stack() {
         writer.finish(group)
     };
     assert_eq!(scratch.try_bytes(&deep(990)).expect("deep but sound"), 990);
-    assert!(scratch.error(&deep(200_000)).contains("1000 levels"));
+    assert!(scratch.error(deep(200_000)).contains("1000 levels"));
 }
 
 #[test]
@@ -278,7 +278,7 @@ fn children_that_are_shared_do_not_multiply_for_ever() {
     for _ in 0..50 {
         group = writer.object(0, &[("a", "", group), ("b", "", group)]);
     }
-    assert!(scratch.error(&writer.finish(group)).contains("too much for the file's size"));
+    assert!(scratch.error(writer.finish(group)).contains("too much for the file's size"));
     // One long list of children that many objects share: quadratic work.
     let mut writer = Writer::new();
     let children: Vec<(String, u64)> = (0..20_000).map(|i| (format!("{i}"), 0)).collect();
@@ -287,7 +287,7 @@ fn children_that_are_shared_do_not_multiply_for_ever() {
     let long = writer.object(0, &children);
     let sharing: Vec<(&str, &str, u64)> = children.iter().map(|(name, ..)| (*name, "", long)).collect();
     let top = writer.object(0, &sharing);
-    assert!(scratch.error(&writer.finish(top)).contains("too much for the file's size"));
+    assert!(scratch.error(writer.finish(top)).contains("too much for the file's size"));
 }
 
 /// Each mesh would keep its last samples; together they are limited.
@@ -366,7 +366,7 @@ fn long_names_do_not_multiply_for_ever() {
     let children: Vec<(&str, &str, u64)> = children.iter().map(|name| (name.as_str(), "", 0)).collect();
     let many = writer.object(0, &children);
     let top = writer.object(0, &[(name.as_str(), "", many)]);
-    assert!(scratch.error(&writer.finish(top)).contains("too much for the file's size"));
+    assert!(scratch.error(writer.finish(top)).contains("too much for the file's size"));
 }
 
 #[test]
@@ -376,7 +376,7 @@ fn instances_of_nothing_of_themselves_and_of_too_much_are_refused() {
         let mut writer = Writer::new();
         let instance = writer.instance(source);
         let top = writer.object(0, &[(name, "isInstance=1", instance)]);
-        let error = scratch.error(&writer.finish(top));
+        let error = scratch.error(writer.finish(top));
         assert!(error.contains("cannot be found") && error.contains("/a"), "{error}");
     }
     // An instance below its own original.
@@ -384,7 +384,7 @@ fn instances_of_nothing_of_themselves_and_of_too_much_are_refused() {
     let instance = writer.instance("/a");
     let original = writer.object(0, &[("again", "isInstance=1", instance)]);
     let top = writer.object(0, &[("a", "", original)]);
-    assert!(scratch.error(&writer.finish(top)).contains("contains itself"));
+    assert!(scratch.error(writer.finish(top)).contains("contains itself"));
     // Each level holds ten instances of the level before: 10^20 objects.
     let mut writer = Writer::new();
     let mut levels = vec![("l0".to_owned(), writer.object(0, &[]))];
@@ -398,7 +398,7 @@ fn instances_of_nothing_of_themselves_and_of_too_much_are_refused() {
     let levels: Vec<(&str, &str, u64)> =
         levels.iter().map(|(name, group)| (name.as_str(), "", *group)).collect();
     let top = writer.object(0, &levels);
-    assert!(scratch.error(&writer.finish(top)).contains("too much for the file's size"));
+    assert!(scratch.error(writer.finish(top)).contains("too much for the file's size"));
 }
 
 #[test]

@@ -64,7 +64,7 @@ fn a_cache_cut_anywhere_or_too_long_is_refused() {
             let error = scratch.error(&whole[..length]);
             assert!(error.contains("damaged"), "{length}: {error}");
         }
-        assert!(scratch.error(&[&whole[..], b"\0"].concat()).contains("vertices make a file of"));
+        assert!(scratch.error([&whole[..], b"\0"].concat()).contains("vertices make a file of"));
     }
 }
 
@@ -97,7 +97,7 @@ fn counts_that_are_absurd_are_refused_before_they_are_believed() {
         let error = scratch.error(&bytes);
         assert!(error.contains(told), "{told}: {error}");
     }
-    let error = Scratch::new("damaged.pc2", read).error(&mdd(1, 1, &[0.0], 4));
+    let error = Scratch::new("damaged.pc2", read).error(mdd(1, 1, &[0.0], 4));
     assert!(error.contains("signature"), "{error}");
 }
 
@@ -204,9 +204,9 @@ fn many_names_and_long_lines_are_no_trouble() {
     // As many runs, that all share their vertices.
     let runs: String = (0..100_000).map(|n| format!("g {}\nf 1 2 3\n", n % 2)).collect();
     assert_eq!(scratch.try_bytes(format!("v 0 0 0\nv 0 0 0\nv 0 0 0\n{runs}").as_bytes()).expect("sound"), 2);
-    assert!(scratch.error(&vec![b'v'; 8 << 20]).contains("a line longer than"));
+    assert!(scratch.error(vec![b'v'; 8 << 20]).contains("a line longer than"));
     assert!(scratch.error("v 0 0 0 \\\n".repeat(1 << 20).as_bytes()).contains("a line longer than"));
-    assert!(scratch.error(&[0; 1000]).contains("binary data"));
+    assert!(scratch.error([0; 1000]).contains("binary data"));
 }
 
 proptest! {
