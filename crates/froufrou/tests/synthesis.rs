@@ -342,6 +342,7 @@ fn what_a_score_says_wrongly_of_an_instrument_is_told() {
     for (sound, lines, expected) in [
         ("string with freq 3", "start 1 0 s 1 0\nend 1 1\n", "there is no parameter `freq`"),
         ("string", "start 1 0 s 1 0\nset 1 0 speed 3\nend 1 1\n", "has no control `speed`"),
+        ("needle", "start 1 0 s 1 0\nstrike 1 0 impulse 1\nend 1 1\n", "it does not ring"),
         ("needle", "start 1 0 s 1 0\nset 1 0 sped 3\nend 1 1\n", "it has speed"),
         ("modes \"none.json\"", "start 1 0 s 1 0\nend 1 1\n", "none.json"),
         ("modes", "start 1 0 s 1 0\nend 1 1\n", "no mode"),

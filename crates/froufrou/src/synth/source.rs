@@ -20,6 +20,7 @@ pub(crate) struct Source {
     generator: Mutex<Option<Box<dyn Generator>>>,
     rate_hz: f64,
     controls: Vec<ControlTrack>,
+    rings: bool,
     strikes: VecDeque<Strike>,
     /// The signal from sample `base` on.
     samples: Vec<f32>,
@@ -66,6 +67,7 @@ impl Source {
             generator: Mutex::new(Some(instrument.generator(rate_hz, random)?)),
             rate_hz,
             controls: instrument.controls().iter().map(track).collect(),
+            rings: instrument.ring_s().is_some(),
             strikes: VecDeque::new(),
             samples: Vec::new(),
             base: 0,
@@ -77,6 +79,10 @@ impl Source {
     /// Takes in what is said to it, `time_s` seconds after its start.
     pub(crate) fn cue(&mut self, time_s: f64, action: &Action) -> Result<()> {
         match action {
+            Action::Strike(_) if !self.rings => {
+                return Err(Error::new("the sound is struck, and it does not ring")
+                    .help("strike a string, a bar, modes or a script that has `fn strike`"));
+            }
             Action::Strike(blow) => self.strikes.push_back(Strike {
                 time_s,
                 impulse_ns: blow.impulse_ns,
@@ -190,14 +196,19 @@ impl Source {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
     use crate::score::Blow;
     use crate::synth::instrument::Control;
 
     /// A signal that tells what it was told: its control, one sample after another, and a one where it
     /// is struck. It fails once the control is above 100.
-    pub(crate) struct Telling;
+    struct Telling {
+        rings: bool,
+    }
+
+    const STRUCK: Telling = Telling { rings: true };
+    const STEADY: Telling = Telling { rings: false };
 
     impl Instrument for Telling {
         fn controls(&self) -> &[Control] {
@@ -207,7 +218,7 @@ pub(crate) mod tests {
         }
 
         fn ring_s(&self) -> Option<f64> {
-            None
+            self.rings.then_some(1.0)
         }
 
         fn generator(&self, _: f64, _: Random) -> Result<Box<dyn Generator>> {
@@ -240,11 +251,12 @@ pub(crate) mod tests {
 
     #[test]
     fn controls_change_evenly_and_strikes_fall_on_their_sample() {
-        let mut source = Source::new(&Telling, 1000.0, Random::new(0, 0)).unwrap();
+        let mut source = Source::new(&STRUCK, 1000.0, Random::new(0, 0)).unwrap();
         assert_eq!(source.known_s(), f64::INFINITY);
         source.cue(0.1, &set(4.0)).unwrap();
         source.cue(0.2, &set(0.0)).unwrap();
-        source.cue(0.0505, &Action::Strike(Blow { impulse_ns: 10.0, place: 0.0, contact_s: 0.0 })).unwrap();
+        let blow = Blow { impulse_ns: 10.0, place: 0.0, contact_s: 0.0 };
+        source.cue(0.0505, &Action::Strike(blow)).unwrap();
         assert_eq!(source.known_s(), 0.2);
         source.make(0, 300).unwrap();
         for (index, &sample) in source.samples[..300].iter().enumerate() {
@@ -254,12 +266,14 @@ pub(crate) mod tests {
             assert!((f64::from(sample) - expected - struck).abs() < 1e-5, "{index}: {sample}");
         }
         assert!(source.cue(0.3, &Action::Set(vec![("sped".into(), 1.0)])).is_err());
+        let mut steady = Source::new(&STEADY, 1000.0, Random::new(0, 0)).unwrap();
+        assert!(steady.cue(0.3, &Action::Strike(blow)).is_err(), "what cannot ring cannot be struck");
     }
 
     #[test]
     fn what_is_kept_does_not_change_what_is_made() {
         let tell = |pieces: &[u64]| {
-            let mut source = Source::new(&Telling, 1000.0, Random::new(0, 0)).unwrap();
+            let mut source = Source::new(&STEADY, 1000.0, Random::new(0, 0)).unwrap();
             source.cue(0.9, &set(9.0)).unwrap();
             let (mut from, mut heard) = (0, Vec::new());
             for &to in pieces {
@@ -272,7 +286,7 @@ pub(crate) mod tests {
         let whole = tell(&[900]);
         assert_eq!(tell(&[1, 2, 3, 400, 401, 900]), whole);
         // A range alone, with little memory.
-        let mut source = Source::new(&Telling, 1000.0, Random::new(0, 0)).unwrap();
+        let mut source = Source::new(&STEADY, 1000.0, Random::new(0, 0)).unwrap();
         source.cue(0.9, &set(9.0)).unwrap();
         source.make(850, 900).unwrap();
         assert!(source.held() < 60);
@@ -282,7 +296,7 @@ pub(crate) mod tests {
 
     #[test]
     fn after_a_fault_it_comes_to_rest() {
-        let mut source = Source::new(&Telling, 1000.0, Random::new(0, 0)).unwrap();
+        let mut source = Source::new(&STEADY, 1000.0, Random::new(0, 0)).unwrap();
         source.cue(1.0, &set(202.0)).unwrap();
         let error = source.make(0, 2000).unwrap_err();
         assert!(error.to_string().contains("too fast"));
