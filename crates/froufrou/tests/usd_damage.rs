@@ -94,6 +94,20 @@ fn brackets_within_brackets_do_not_exhaust_the_stack() {
 }
 
 #[test]
+fn braces_that_are_not_in_pairs_are_told() {
+    // The library would look for ever for the other brace of a path, or call itself without end.
+    let (_turn, scratch) = (turn(), scratch());
+    for text in [
+        "def \"a}b\" {}",
+        "def \"root\" { def \"copy\" (prepend references = </root/a}b>) {} }",
+        "def \"m\" { rel material:binding = </m{v=x> }",
+    ] {
+        let error = scratch.error(format!("#usda 1.0\n{text}\n"));
+        assert!(error.contains("braces"), "{error}");
+    }
+}
+
+#[test]
 fn what_a_mesh_claims_is_checked() {
     let (_turn, scratch) = (turn(), scratch());
     let mesh = |counts: &str, indices: &str, more: &str| {

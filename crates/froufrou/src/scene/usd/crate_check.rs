@@ -15,6 +15,7 @@
 //! A value is eight bytes: a type, three flags and either the value itself or where it stands.
 
 use super::fault::{Budget, Damage};
+use super::layers::has_paired_braces;
 
 type Outcome<T> = Result<T, Damage>;
 
@@ -149,7 +150,7 @@ impl Check<'_, '_> {
                 return Err(Damage::new(at, "the names do not end"));
             }
             self.budget.charge(count.saturating_mul(24))?;
-            tokens.extend(text.split(|byte| *byte == 0).map(<[u8]>::len));
+            tokens.extend(text.split(|byte| *byte == 0).map(|token| (token.len(), has_paired_braces(token))));
             tokens.pop();
             if tokens.len() as u64 != count {
                 return Err(Damage::new(at, format!("{count} names are claimed, {} found", tokens.len())));
@@ -192,7 +193,7 @@ impl Check<'_, '_> {
     }
 
     /// The tree must be one: each entry reached once, not too deep, its names not too long together.
-    fn paths(&mut self, at: u64, tokens: &[usize]) -> Outcome<()> {
+    fn paths(&mut self, at: u64, tokens: &[(usize, bool)]) -> Outcome<()> {
         let paths = self.file.u64(at)?;
         let count = self.file.u64(at + 8)?;
         self.budget.charge(paths.saturating_mul(32))?;
@@ -217,7 +218,8 @@ impl Check<'_, '_> {
                     return Err(damage("names a path that is not there"));
                 }
                 let own = match tokens.get(name.unsigned_abs() as usize) {
-                    Some(own) => *own + 1,
+                    Some((_, false)) => return Err(damage("has a name whose braces are not in pairs")),
+                    Some((own, true)) => own + 1,
                     None if current == 0 => 1,
                     None => return Err(damage("names a token that is not there")),
                 };

@@ -242,21 +242,65 @@ impl Asset for Layer {
     }
 }
 
-/// The reader of text calls itself for every bracket within brackets.
+/// Whether every brace of a path closes one before it: the library looks for ever for one that is not there.
+pub(super) fn has_paired_braces(path: &[u8]) -> bool {
+    let mut open = 0_usize;
+    for byte in path {
+        match byte {
+            b'{' => open += 1,
+            b'}' if open == 0 => return false,
+            b'}' => open -= 1,
+            _ => {}
+        }
+    }
+    open == 0
+}
+
+/// Whether what is quoted before this is the name of a variant: `"name" {`, `"name" (…) {`.
+fn names_a_variant(behind: Option<&[u8]>) -> bool {
+    matches!(behind.map(<[u8]>::trim_ascii_start), Some([b'{' | b'(', ..]))
+}
+
+/// The reader of text calls itself for every bracket within brackets; and paths and names must be such that
+/// the library can take them apart.
 fn check_text(bytes: &[u8]) -> std::result::Result<(), Damage> {
     let (mut depth, mut at) = (0_usize, 0);
+    // The last words: `def "name"` and `over Mesh "name"` name prims.
+    let mut words: [&[u8]; 2] = [b"", b""];
     while let Some(&byte) = bytes.get(at) {
+        let rest = &bytes[at..];
+        let until = |end: &[u8]| rest.windows(end.len()).position(|window| window == end);
         match byte {
             b'(' | b'[' | b'{' => depth += 1,
             b')' | b']' | b'}' => depth = depth.saturating_sub(1),
-            b'"' | b'\'' => {
-                let quote = [byte; 3];
-                let quote = if bytes[at..].starts_with(&quote) { &quote[..] } else { &quote[..1] };
+            b'"' | b'\'' | b'@' => {
+                let (quoted, quote) = (at, [byte; 3]);
+                let quote = if rest.starts_with(&quote) { &quote[..] } else { &quote[..1] };
                 at += quote.len();
                 while at < bytes.len() && !bytes[at..].starts_with(quote) {
-                    at += if bytes[at] == b'\\' { 2 } else { 1 };
+                    at += if bytes[at] == b'\\' && byte != b'@' { 2 } else { 1 };
+                }
+                let end = at.min(bytes.len());
+                let is_prim = words.iter().any(|word| matches!(*word, b"def" | b"over" | b"class"));
+                let is_name = byte != b'@' && (is_prim || names_a_variant(bytes.get(end + 1..)));
+                if is_name && !has_paired_braces(&bytes[quoted..end]) {
+                    return Err(Damage::new(quoted as u64, "a name whose braces are not in pairs"));
                 }
                 at += quote.len() - 1;
+                words = [b"", b""];
+            }
+            b'<' => {
+                let length = until(b">").unwrap_or(0);
+                if !has_paired_braces(&rest[..length]) {
+                    return Err(Damage::new(at as u64, "a path whose braces are not in pairs"));
+                }
+                at += length;
+            }
+            b'#' => at += until(b"\n").unwrap_or(rest.len() - 1),
+            _ if is_of_word(byte) => {
+                let length = rest.iter().position(|byte| !is_of_word(*byte)).unwrap_or(rest.len());
+                words = [words[1], &rest[..length]];
+                at += length - 1;
             }
             _ => {}
         }
@@ -269,6 +313,10 @@ fn check_text(bytes: &[u8]) -> std::result::Result<(), Damage> {
         at += 1;
     }
     Ok(())
+}
+
+fn is_of_word(byte: u8) -> bool {
+    byte.is_ascii_alphanumeric() || byte == b'_'
 }
 
 #[cfg(test)]
@@ -284,6 +332,32 @@ mod tests {
         let quoted = format!("\"\"\"{} \" \"\"\" '{}'", "{".repeat(1000), "(".repeat(1000));
         assert!(check_text(quoted.as_bytes()).is_ok());
         assert!(check_text(format!("\"\\\"\" {}", "{".repeat(1000)).as_bytes()).is_err());
+    }
+
+    #[test]
+    fn braces_of_names_and_paths_are_in_pairs() {
+        for sound in [
+            "def Mesh \"a\" { doc = \"a } in text\" }",
+            "rel x = </a{v=one}b>",
+            "variantSet \"v\" = { \"one\" { } }",
+            "references = @a } b.usda@</c>",
+            "# def \"a}b\" { \n '}'",
+            "",
+            "<",
+        ] {
+            assert!(check_text(sound.as_bytes()).is_ok(), "{sound}");
+        }
+        for wrong in [
+            "rel x = </a}b>",
+            "references = </a{v=one>",
+            "def \"a}b\" {}",
+            "over  Mesh\n'a{'",
+            "\"a}b\" {",
+            "\"a}b\" (",
+            "class \"}",
+        ] {
+            assert!(check_text(wrong.as_bytes()).is_err(), "{wrong}");
+        }
     }
 
     #[test]
