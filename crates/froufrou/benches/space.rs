@@ -49,6 +49,20 @@ fn panning_to_64(bencher: Bencher) {
     pan(bencher, &dome());
 }
 
+/// The gains of a layout for 1000 wide sources.
+#[divan::bench]
+fn panning_wide_sources(bencher: Bencher) {
+    let panner = Panner::new(Layout::named("7.1.4").expect("a name").speakers()).expect("a layout");
+    let directions = directions(1000);
+    let mut gains = [0.0; 12];
+    bencher.counter(ItemsCount::new(directions.len())).bench_local(|| {
+        for &direction in &directions {
+            panner.spread_gains(black_box(direction), 40.0, &mut gains);
+            black_box(&gains);
+        }
+    });
+}
+
 /// A panner is made.
 #[divan::bench(args = ["stereo", "7.1.4"])]
 fn making_a_panner(name: &str) -> Panner {

@@ -284,8 +284,9 @@ fn pseudo_inverse(mut a: Vec<Vec<f64>>, cutoff: f64) -> Vec<Vec<f64>> {
                 for row in a.iter_mut().chain(&mut vectors) {
                     (row[p], row[q]) = turn(row[p], row[q]);
                 }
-                for k in 0..n {
-                    (a[p][k], a[q][k]) = turn(a[p][k], a[q][k]);
+                let (before, from_q) = a.split_at_mut(q);
+                for (x, y) in before[p].iter_mut().zip(&mut from_q[0]) {
+                    (*x, *y) = turn(*x, *y);
                 }
             }
         }

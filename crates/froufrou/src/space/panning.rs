@@ -44,6 +44,9 @@ const NEAR_DEG: f64 = 0.5;
 /// Gains below this are rounding.
 const SILENT: f64 = 1e-12;
 
+/// The directions that stand for a wide source.
+pub const POINTS: usize = 24;
+
 /// Pans sources to loudspeakers.
 #[derive(Debug, Clone)]
 pub struct Panner {
@@ -112,6 +115,44 @@ impl Panner {
     /// `out` has a place for each channel; what is missing there is left out, and further places become 0.
     pub fn gains(&self, direction: [f64; 3], out: &mut [f64]) {
         out.fill(0.0);
+        self.add(direction, out);
+        normalise(out);
+    }
+
+    /// The gains for a source that is as wide as a cone of so many degrees from side to side, 360° for all around:
+    /// those of [`POINTS`] directions spread evenly over the cone are summed (Pulkki 1999, "Uniform spreading
+    /// of amplitude panned virtual sources"). With 0° they are [`Panner::gains`]; else as that, and at that
+    /// many times its cost. The velocity vector points at the source as it does there.
+    pub fn spread_gains(&self, direction: [f64; 3], width_deg: f64, out: &mut [f64]) {
+        let length = dot(direction, direction).sqrt();
+        // Also false for what is no number.
+        if !(width_deg > 0.0 && length > 0.0 && length.is_finite()) {
+            return self.gains(direction, out);
+        }
+        out.fill(0.0);
+        let ahead = direction.map(|c| c / length);
+        let level = cross(ahead, [0.0, 1.0, 0.0]);
+        let level = if dot(level, level) > 0.0 { unit(level) } else { [1.0, 0.0, 0.0] };
+        let upright = cross(level, ahead);
+        let height = 1.0 - (0.5 * width_deg.min(360.0)).to_radians().cos();
+        for i in 0..POINTS / 4 {
+            // Equal areas of the cone, and the golden ratio about it. Mirrored to all four sides, so that
+            // a source on a plane of symmetry stays there, and one that passes overhead makes no step.
+            let part = (i as f64 + 0.5) / (POINTS / 4) as f64;
+            let near = 1.0 - height * part;
+            let aside = (1.0 - near * near).max(0.0).sqrt();
+            let turn = 0.5 * std::f64::consts::PI * ((i as f64 + 0.5) * 0.618_033_988_749_894_9).fract();
+            let (sin, cos) = turn.sin_cos();
+            for (a, b) in [(cos, sin), (-cos, sin), (cos, -sin), (-cos, -sin)] {
+                let toward = |k: usize| near * ahead[k] + aside * (a * level[k] + b * upright[k]);
+                self.add([toward(0), toward(1), toward(2)], out);
+            }
+        }
+        normalise(out);
+    }
+
+    /// Adds the gains for a direction, which are not yet brought to an energy of 1.
+    fn add(&self, direction: [f64; 3], out: &mut [f64]) {
         let length = dot(direction, direction).sqrt();
         let mut add = |channel: usize, gain: f64| {
             if let Some(place) = out.get_mut(channel) {
@@ -129,11 +170,15 @@ impl Panner {
             }
             _ => self.heard.iter().for_each(|&channel| add(channel, 1.0)),
         }
-        let energy: f64 = out.iter().map(|g| g * g).sum();
-        if energy > 0.0 {
-            let scale = 1.0 / energy.sqrt();
-            out.iter_mut().for_each(|g| *g *= scale);
-        }
+    }
+}
+
+/// Brings gains to an energy of 1.
+fn normalise(gains: &mut [f64]) {
+    let energy: f64 = gains.iter().map(|g| g * g).sum();
+    if energy > 0.0 {
+        let scale = 1.0 / energy.sqrt();
+        gains.iter_mut().for_each(|g| *g *= scale);
     }
 }
 

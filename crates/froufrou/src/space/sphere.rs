@@ -294,6 +294,38 @@ mod tests {
     }
 
     #[test]
+    fn points_nearly_in_one_plane_leave_no_hole() {
+        // Towers of rings, of which many fours are in one plane, shaken by more and less than what counts as flat.
+        for shake in 0..120 {
+            let random = Random::new(shake, 3);
+            let size = 10f64.powi(-(shake as i32 % 12) - 1);
+            let points: Vec<[f64; 3]> = (0..30)
+                .map(|i: u64| {
+                    let up = [-0.9f64, -0.4, 0.0, 0.5, 0.8][i as usize / 6];
+                    let (sin, cos) = (std::f64::consts::TAU * (i % 6) as f64 / 6.0).sin_cos();
+                    let around = (1.0 - up * up).sqrt();
+                    let at = [around * sin, up, around * cos];
+                    unit([0, 1, 2].map(|k| at[k] + size * (random.uniform(3 * i + k as u64) - 0.5)))
+                })
+                .collect();
+            let triangles = hull(&points).into_iter().flat_map(|face| {
+                let corners = face.corners;
+                (2..corners.len()).map(move |i| [corners[0], corners[i - 1], corners[i]])
+            });
+            let all = Triangulation::new(&points, triangles);
+            for direction in directions(shake, 2000).into_iter().chain(points.iter().copied()) {
+                let (corners, weights) = all.find(direction);
+                let sum: [f64; 3] =
+                    std::array::from_fn(|k| (0..3).map(|i| weights[i] * points[corners[i]][k]).sum());
+                assert!(
+                    minus(sum, direction).iter().all(|c| c.abs() < 1e-5),
+                    "{shake}: {direction:?} {sum:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
     fn a_direction_that_is_none_is_no_panic() {
         let points: Vec<_> = even_directions(12).collect();
         let all = Triangulation::new(

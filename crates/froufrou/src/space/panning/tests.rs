@@ -52,14 +52,24 @@ fn random_layouts() -> impl Iterator<Item = Vec<Speaker>> {
             let value = from + (to - from) * random.uniform(i);
             if coarse { (value / 15.0).round() * 15.0 } else { value }
         };
+        // Tiny shifts, which decide whether loudspeakers are in one plane.
+        let shift = if seed % 4 == 0 { 10f64.powi(-(seed as i32 % 9)) * 1e-2 } else { 0.0 };
         let places: Vec<(f64, f64)> = (0..count as u64)
             .map(|i| {
-                (angle(2 * i + 1, -180.0, 180.0), angle(2 * i + 2, if half { 0.0 } else { -90.0 }, 90.0))
+                let azimuth = angle(2 * i + 1, -180.0, 180.0) + shift * random.uniform(500 + i);
+                let elevation = angle(2 * i + 2, if half { 0.0 } else { -90.0 }, 89.0);
+                (azimuth, (elevation + shift * random.uniform(600 + i)).min(90.0))
             })
             .collect();
-        // Two in one direction are refused; a test of its own says so.
+        // Two in one direction are refused; a test of its own says so. Nothing else is.
         let speakers = custom(&places);
-        Panner::new(&speakers).is_ok().then_some(speakers)
+        match Panner::new(&speakers) {
+            Ok(_) => Some(speakers),
+            Err(fault) => {
+                assert!(fault.to_string().contains("same direction"), "{speakers:?} {fault}");
+                None
+            }
+        }
     })
 }
 
@@ -190,10 +200,8 @@ fn the_velocity_vector_points_at_the_source() {
         let mut count = 0;
         for source in sphere(2).filter(|&source| to_angles_deg(source).1 >= 0.0) {
             let found = vector(layout.speakers(), &gains(&panner, source), 1);
-            if name == "7.1.4" || to_angles_deg(source).1 <= 20.0 {
-                assert!(angle_deg(found, source) < 1e-6, "{name} {source:?} {}", angle_deg(found, source));
-                count += 1;
-            }
+            assert!(angle_deg(found, source) < 1e-6, "{name} {source:?} {}", angle_deg(found, source));
+            count += 1;
         }
         assert!(count > 500);
     }
@@ -201,12 +209,12 @@ fn the_velocity_vector_points_at_the_source() {
 
 #[test]
 fn gains_have_no_steps() {
-    for speakers in all_layouts().into_iter().chain(random_layouts().take(40)) {
+    for speakers in all_layouts().into_iter().chain(random_layouts().step_by(3)) {
         let panner = Panner::new(&speakers).unwrap();
         // The largest change along great circles, for two lengths of step.
         let change = |steps: u32| {
             let mut most: f64 = 0.0;
-            for circle in 0..12 {
+            for circle in 0..8 {
                 let random = Random::new(5, circle);
                 let point =
                     |i| from_angles_deg(360.0 * random.uniform(i), 180.0 * random.uniform(i + 1) - 90.0);
@@ -223,8 +231,8 @@ fn gains_have_no_steps() {
             }
             most
         };
-        let (coarse, fine) = (change(3600), change(36000));
-        assert!(fine < 0.35 * coarse + 1e-9, "{speakers:?}: {coarse} {fine}");
+        let (coarse, fine) = (change(900), change(9000));
+        assert!(fine < 0.2 * coarse + 1e-9, "{speakers:?}: {coarse} {fine}");
     }
     for name in Layout::names() {
         let panner = Panner::new(Layout::named(name).unwrap().speakers()).unwrap();
@@ -276,6 +284,64 @@ fn what_no_loudspeaker_is_near_to_is_still_where_one_expects_it() {
     let shares = [55.0, 55.0, 30.0, 0.0, 110.0, 110.0].map(|degrees: f64| (degrees / 360.0).sqrt());
     for (found, expected) in found.iter().zip(shares) {
         assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+    }
+}
+
+#[test]
+fn wide_sources_are_wide() {
+    for name in Layout::names() {
+        let layout = Layout::named(name).unwrap();
+        let speakers = layout.speakers();
+        let panner = Panner::new(speakers).unwrap();
+        let wide = |source, width_deg| {
+            let mut out = vec![f64::NAN; panner.channels()];
+            panner.spread_gains(source, width_deg, &mut out);
+            out
+        };
+        for [x, y, z] in sphere(9) {
+            let source = [x, y, z];
+            assert_eq!(wide(source, 0.0), gains(&panner, source));
+            assert_eq!(wide(source, f64::NAN), gains(&panner, source));
+            let narrow = wide(source, 1e-3);
+            assert!(narrow.iter().zip(gains(&panner, source)).all(|(a, b)| (a - b).abs() < 1e-4));
+            for width_deg in [10.0, 60.0, 180.0, 360.0, 1e9] {
+                let (one, other) = (wide(source, width_deg), wide([-x, y, z], width_deg));
+                assert!((one.iter().map(|g| g * g).sum::<f64>() - 1.0).abs() < 1e-12);
+                for (i, speaker) in speakers.iter().enumerate() {
+                    let mirrored = speakers.iter().position(|other| {
+                        other.azimuth_deg == -speaker.azimuth_deg
+                            && other.elevation_deg == speaker.elevation_deg
+                    });
+                    assert!(mirrored.map_or(one[i] == 0.0, |k| (one[i] - other[k]).abs() < 1e-9));
+                }
+            }
+        }
+    }
+    // All about a listener: the wider, the shorter the energy vector; the velocity vector where it was.
+    let cube = odd_layouts().swap_remove(11);
+    let panner = Panner::new(&cube).unwrap();
+    let mut out = vec![0.0; cube.len()];
+    for source in sphere(10) {
+        let mut before = f64::INFINITY;
+        for width_deg in [30.0, 90.0, 150.0, 220.0, 300.0, 360.0] {
+            panner.spread_gains(source, width_deg, &mut out);
+            let energy = vector(&cube, &out, 2);
+            let length = dot(energy, energy).sqrt();
+            assert!(length < before + 0.02, "{source:?} {width_deg} {length} {before}");
+            before = length;
+            if width_deg < 350.0 {
+                assert!(angle_deg(vector(&cube, &out, 1), source) < 1e-6);
+            }
+        }
+        assert!(before < 0.1, "{before}");
+    }
+    // About the zenith, where the points about a source spin, steps stay small.
+    let seven = Panner::new(Layout::named("7.1.4").unwrap().speakers()).unwrap();
+    let (mut one, mut other) = ([0.0; 12], [0.0; 12]);
+    for azimuth in 0..360 {
+        seven.spread_gains(from_angles_deg(f64::from(azimuth), 89.9), 60.0, &mut one);
+        seven.spread_gains(from_angles_deg(f64::from(azimuth) + 90.0, 89.9), 60.0, &mut other);
+        assert!(one.iter().zip(&other).all(|(a, b)| (a - b).abs() < 0.03));
     }
 }
 
