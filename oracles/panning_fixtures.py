@@ -7,13 +7,13 @@ Dev-only. Needs numpy, scipy (1.15 or later) and spaudiopy from PyPI:
 
 Vectors are in the listener's frame: ahead -Z, right +X, up +Y.
 
-panning.tsv: rows `layout` with azimuths and elevations in degrees, then rows `gains` with a unit vector and the gain of
-each loudspeaker. They come from a brute force: of all triplets of loudspeakers (pairs, where all are in one plane) that no
-other loudspeaker lies outside of, the one that has no gain below 0. Faces of SciPy's hull that lie in one plane have an
-imaginary loudspeaker amid them. Where all faces are triangles, spaudiopy is asked too.
+panning.tsv: rows `layout` with azimuths and elevations in degrees, then rows `gains` with a unit vector and the
+gain of each loudspeaker. They come from a brute force: of all triplets of loudspeakers (pairs, where all are in one
+plane) that no other loudspeaker lies outside of, the one that has no gain below 0. Faces of SciPy's hull that lie in
+one plane have an imaginary loudspeaker amid them. Where all faces are triangles, spaudiopy is asked too.
 
-decoders.tsv: rows `layout` as above, then rows `basic` (the pseudo-inverse, N3D, without a level) and `allrad` (3rd order,
-max-rE, mean energy 1): the gain of each loudspeaker from each of 16 harmonics, a loudspeaker after the other.
+decoders.tsv: rows `layout` as above, then rows `basic` (the pseudo-inverse, N3D, without a level) and `allrad` (3rd
+order, max-rE, mean energy 1): the gain of each loudspeaker from each of 16 harmonics, a loudspeaker after the other.
 """
 
 import itertools

@@ -167,7 +167,10 @@ fn two_loudspeakers_follow_the_law_of_tangents() {
                 assert!(angle_deg(energy, expected) < 1e-6);
                 let magnitude = dot(energy, energy).sqrt() / along.hypot(across);
                 assert!((20.0 * magnitude.log10()).abs() < 1e-9);
-                assert!(angle_deg(vector(speakers, &found, 1), source) < 1e-6);
+                let velocity = vector(speakers, &found, 1);
+                assert!(angle_deg(velocity, source) < 1e-6);
+                let expected = (width / 2.0).to_radians().cos() / off.to_radians().cos();
+                assert!((dot(velocity, velocity).sqrt() - expected).abs() < 1e-12);
             }
         }
     }
