@@ -14,7 +14,7 @@
 //! use froufrou::space::extended::Gathering;
 //! let mut gathering = Gathering::new(32)?;
 //! // A row of points 2 m ahead, seen from the origin.
-//! let row = (-10..=10).map(|i| ([0.05 * f64::from(i), 0.0, -2.0], 1.0));
+//! let row = (-10..=10).map(|i| ([0.02 * f64::from(i), 0.0, -2.0], 1.0));
 //! let bins = gathering.gather([0.0; 3], row);
 //! let energy: f64 = bins.iter().map(|bin| bin.energy).sum();
 //! assert!((energy - 21.0 / 4.0).abs() < 0.1);
