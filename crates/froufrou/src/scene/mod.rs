@@ -17,7 +17,7 @@ pub mod point_cache;
 mod positioned_file;
 mod read;
 mod sample_cache;
-mod toml;
+pub(crate) mod toml;
 pub mod track;
 #[cfg(feature = "usd")]
 pub mod usd;
