@@ -6,6 +6,7 @@ pub mod direction;
 pub mod directivity;
 pub mod extended;
 pub mod layout;
+pub mod head;
 pub mod microphone;
 pub mod panning;
 pub mod propagation;
