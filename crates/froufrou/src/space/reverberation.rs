@@ -1,0 +1,436 @@
+//! How long a room reverberates, and the tail of its reverberation behind the first images.
+//!
+//! Images of a source tell the first reflections one by one ([`super::room`]). Their number grows with the cube of
+//! their order, and soon nobody hears them apart. What follows is noise that decays in each octave band as
+//! Eyring's formula says, at the level of the images that it continues.
+//!
+//! Of a source that has a pressure of 1 at 1 m, 4π (c t)² c dt / V images arrive in a time dt, each of a pressure of
+//! 1 / (c t) and what walls and air leave of it; so the energy that arrives in a second is 4π c / V at first, and decays
+//! from there. What part of it is told by images up to an order is found by averaging over all places of source and
+//! listener. The tail has the rest: it rises as these images thin out, so that both together go on evenly.
+//!
+//! | quantity | value |
+//! | --- | --- |
+//! | reverberation time of a tail | within 5 % of Eyring's, each band |
+//! | length | until each band has fallen by 90 dB |
+//! | cost | some 2 µs a sample, once for each room and channel |
+
+use std::f64::consts::{PI, TAU};
+
+use super::air::Air;
+use super::bands::{BAND_COUNT, BANDS_HZ, Bands};
+use super::convolution::Convolver;
+use super::room::{Room, mean_absorption};
+use crate::random::Random;
+use crate::synth::sinc::{kaiser_of, sinc};
+use crate::{Error, Result};
+
+/// A room that reverberates longer has no tail, in seconds.
+pub const LONGEST_S: f64 = 30.0;
+
+/// The images that a tail continues have this order at most.
+const HIGHEST_ORDER: usize = 1000;
+
+/// Energy falls by 60 dB in the reverberation time: by e to this power.
+const SIXTY_DB: f64 = 13.815_510_557_964_274;
+
+/// A tail ends when it has fallen by 60 dB times this: 90 dB.
+const END: f64 = 1.5;
+
+/// The part of a band's tail over which it fades at its end.
+const FADE: f64 = 0.05;
+
+/// Tails of reverberation have random numbers of their own: those of channel c are those of this thread + c.
+const THREADS: u64 = 0x7461_696c_0000_0000;
+
+/// Steps of time over which the images thin out.
+const STEPS: usize = 256;
+
+/// Directions along each side of an octant over which images are averaged.
+const DIRECTIONS: usize = 16;
+
+/// The transition between two bands of noise is this part of its frequency wide.
+const TRANSITION: f64 = 0.2;
+
+/// Shape of Kaiser's window for 80 dB, and its product of time and bandwidth.
+const KAISER: (f64, f64) = (7.86, 5.0);
+
+/// A band that reverberates for a shorter time than this is silent, in seconds.
+const SHORTEST_S: f64 = 1e-3;
+
+/// The reverberation times of Sabine's formula in each octave band, in seconds: 24 ln 10 V / (c (α S + 4 m V)).
+/// Infinite where nothing absorbs.
+pub fn sabine_s(room: &Room, air: &Air) -> Bands {
+    times_s(room, air, |absorption| absorption)
+}
+
+/// The reverberation times of Eyring's formula in each octave band, in seconds: 24 ln 10 V / (c (−ln(1 − α) S + 4 m V)).
+/// Infinite where nothing absorbs, 0 where walls absorb everything.
+pub fn eyring_s(room: &Room, air: &Air) -> Bands {
+    times_s(room, air, |absorption| -(-absorption).ln_1p())
+}
+
+fn times_s(room: &Room, air: &Air, exponent: impl Fn(f64) -> f64) -> Bands {
+    let (volume, area) = (room.volume_m3(), room.areas_m2().iter().sum::<f64>());
+    let (absorption, air_per_m) = (mean_absorption(room), energy_per_m(air));
+    std::array::from_fn(|band| {
+        let lost = area * exponent(absorption[band]) + 4.0 * air_per_m[band] * volume;
+        4.0 * SIXTY_DB * volume / (air.speed_of_sound_mps() * lost)
+    })
+}
+
+/// What part of the energy of each band air takes in each metre.
+fn energy_per_m(air: &Air) -> Bands {
+    air.band_absorption_db_per_m().map(|db| db * std::f64::consts::LN_10 / 10.0)
+}
+
+/// The reverberation of a room behind the images up to some order.
+#[derive(Debug, Clone)]
+pub struct Reverberation {
+    times_s: Bands,
+    /// When half of the energy is no longer told by images.
+    joints_s: Bands,
+    step_s: f64,
+    /// The energy that arrives in a second and is not told by images, at each step of time until none is.
+    rise: Vec<Bands>,
+}
+
+impl Reverberation {
+    /// The reverberation behind images up to `order`, for the average place of source and listener.
+    ///
+    /// A room in which a band reverberates for longer than [`LONGEST_S`] is refused: walls that absorb nothing
+    /// would let it do so for minutes.
+    pub fn new(room: &Room, air: &Air, order: usize) -> Result<Self> {
+        let times_s = eyring_s(room, air);
+        if let Some(band) = times_s.iter().position(|time_s| !(*time_s <= LONGEST_S)) {
+            let (time_s, name) = (times_s[band], BANDS_HZ[band].round());
+            return Err(Error::new(format!(
+                "the room reverberates for {time_s:.0} s at {name} Hz; {LONGEST_S} s is the most"
+            ))
+            .help("let its walls absorb more, or make it smaller"));
+        }
+        if order > HIGHEST_ORDER {
+            return Err(Error::new(format!(
+                "a tail behind images of order {order}; {HIGHEST_ORDER} is the most"
+            )));
+        }
+        let mut sides = room.size_m();
+        sides.sort_by(f64::total_cmp);
+        let [x, y, z] = sides;
+        // No image of the order is further away, wherever source and listener are.
+        let farthest_m = ((order + 1) as f64 * z).hypot(x.hypot(y));
+        let speed = air.speed_of_sound_mps();
+        let step_s = farthest_m / speed / STEPS as f64;
+        let images = Images::new(room, air, order);
+        let steps: Vec<(Bands, Bands)> =
+            (0..=STEPS).map(|step| images.energies(step as f64 * step_s * speed)).collect();
+        let share = |step: usize, band: usize| {
+            let (early, all) = (steps[step].0[band], steps[step].1[band]);
+            if all > 0.0 { (1.0 - early / all).clamp(0.0, 1.0) } else { 1.0 }
+        };
+        let joints: [usize; BAND_COUNT] =
+            std::array::from_fn(|band| (0..=STEPS).find(|step| share(*step, band) >= 0.5).unwrap_or(STEPS));
+        let rise = (0..=STEPS).map(|step| {
+            std::array::from_fn(|band| {
+                if times_s[band] < SHORTEST_S {
+                    return 0.0;
+                }
+                // From the joint on all images together would decay by Eyring's formula.
+                let joint = joints[band].min(step);
+                let decay = SIXTY_DB * (step - joint) as f64 * step_s / times_s[band];
+                let all = steps[joint].1[band] * (-decay).exp();
+                share(step, band) * all * 4.0 * PI * speed / room.volume_m3()
+            })
+        });
+        Ok(Self {
+            times_s,
+            joints_s: joints.map(|joint| joint as f64 * step_s),
+            step_s,
+            rise: rise.collect(),
+        })
+    }
+
+    /// The reverberation time of each band, in seconds, by Eyring's formula.
+    pub fn times_s(&self) -> &Bands {
+        &self.times_s
+    }
+
+    /// The energy of the tail that arrives in a second about a time after it left the source, in each band, where a
+    /// source has a pressure of 1 at 1 m.
+    pub fn energy_per_s(&self, time_s: f64) -> Bands {
+        let place = time_s.max(0.0) / self.step_s;
+        let (step, part) = (place as usize, place.fract());
+        let (Some(from), Some(to)) = (self.rise.get(step), self.rise.get(step + 1)) else {
+            let last = self.rise.last().unwrap_or(&[0.0; BAND_COUNT]);
+            let late_s = time_s - (self.rise.len() - 1) as f64 * self.step_s;
+            let left = |band: usize| (-SIXTY_DB * late_s / self.times_s[band].max(SHORTEST_S)).exp();
+            return std::array::from_fn(|band| last[band] * left(band));
+        };
+        std::array::from_fn(|band| from[band] + part * (to[band] - from[band]))
+    }
+
+    /// When a band's tail ends, in seconds.
+    fn end_s(&self, band: usize) -> f64 {
+        if self.times_s[band] < SHORTEST_S { 0.0 } else { self.joints_s[band] + END * self.times_s[band] }
+    }
+
+    /// The response of the tail from the moment at which sound leaves the source, at a sampling rate of 8 to 192
+    /// kHz. Channels are as loud as each other and independent; a channel is the same for the same seed, at
+    /// any time. Convolved with a source's signal of pressure at 1 m it gives what arrives from all around.
+    ///
+    /// ```
+    /// use froufrou::space::air::Air;
+    /// use froufrou::space::reverberation::Reverberation;
+    /// use froufrou::space::room::{Room, Walls};
+    /// let room = Room::new([0.0; 3], [5.0, 3.0, 4.0], 0.0, &Walls::all([0.3; 8]))?;
+    /// let reverberation = Reverberation::new(&room, &Air::default(), 3)?;
+    /// let left = reverberation.tail(48_000.0, 1, 0)?;
+    /// let right = reverberation.tail(48_000.0, 1, 1)?;
+    /// # assert_eq!(left.len(), right.len());
+    /// # Ok::<(), froufrou::Error>(())
+    /// ```
+    pub fn tail(&self, rate_hz: f64, seed: u64, channel: u64) -> Result<Vec<f32>> {
+        if !(8000.0..=192_000.0).contains(&rate_hz) {
+            return Err(Error::new(format!(
+                "a sampling rate of {rate_hz} Hz; reverberation is made at 8000 to 192000 Hz"
+            )));
+        }
+        let heard = BANDS_HZ.iter().filter(|middle_hz| **middle_hz < 0.5 * rate_hz).count();
+        let frames = (0..heard).map(|band| (self.end_s(band) * rate_hz) as usize).max().unwrap_or(0);
+        let mut tail = vec![0.0f32; frames];
+        let random = Random::new(seed, THREADS.wrapping_add(channel));
+        let mut noise = vec![0.0f32; frames];
+        for split in Split::all(rate_hz, heard) {
+            let frames = (self.end_s(split.band) * rate_hz) as usize;
+            let noise = &mut noise[..frames];
+            split.noise(random, noise)?;
+            let envelope = |frame: usize| {
+                let end = 1.0 - frame as f64 / frames as f64;
+                let fade = if end < FADE { 0.5 - 0.5 * (PI * end / FADE).cos() } else { 1.0 };
+                fade * (self.energy_per_s(frame as f64 / rate_hz)[split.band] / rate_hz).sqrt()
+            };
+            self.settle(split.energy(), rate_hz, envelope, noise);
+            tail.iter_mut().zip(noise).for_each(|(sum, value)| *sum += *value);
+        }
+        Ok(tail)
+    }
+
+    /// Gives noise of some energy a frame its envelope, and sees to it that its decay and energy are those of the
+    /// envelope: noise of a low band has but few ups and downs, which would tilt it by chance.
+    fn settle(&self, energy: f64, rate_hz: f64, envelope: impl Fn(usize) -> f64, noise: &mut [f32]) {
+        let bin = (rate_hz / 1000.0).round() as usize;
+        let mut expected = vec![0.0f64; noise.len().div_ceil(bin)];
+        for (frame, value) in noise.iter_mut().enumerate() {
+            let envelope = envelope(frame);
+            *value *= envelope as f32;
+            expected[frame / bin] += energy * envelope * envelope;
+        }
+        let found: Vec<f64> =
+            noise.chunks(bin).map(|bin| bin.iter().map(|v| f64::from(*v).powi(2)).sum()).collect();
+        let Some(slope) = slope(&expected) else { return };
+        let total: f64 = expected.iter().sum();
+        let (mut tilt, mut level) = (0.0, 1.0);
+        for _ in 0..TURNS {
+            let tilted: Vec<f64> =
+                found.iter().enumerate().map(|(i, energy)| energy * (tilt * i as f64).exp()).collect();
+            level = total / tilted.iter().sum::<f64>();
+            if let Some(found) = self::slope(&tilted) {
+                tilt += slope - found;
+            }
+        }
+        if !level.is_finite() {
+            return;
+        }
+        for (frame, value) in noise.iter_mut().enumerate() {
+            *value *= (level.sqrt() * (0.5 * tilt * frame as f64 / bin as f64).exp()) as f32;
+        }
+    }
+}
+
+/// How often the decay is measured and set right.
+const TURNS: usize = 6;
+
+/// By what power of e the energy that is still to come falls from one bin to the next, between 5 and 35 dB below all
+/// of it.
+fn slope(energies: &[f64]) -> Option<f64> {
+    let mut rest: f64 = energies.iter().sum();
+    let (most, least) = (rest * 10f64.powf(-0.5), rest * 10f64.powf(-3.5));
+    let (mut n, mut x, mut y, mut xx, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for (bin, energy) in energies.iter().enumerate() {
+        if rest <= most && rest >= least {
+            let (at, level) = (bin as f64, rest.ln());
+            n += 1.0;
+            x += at;
+            y += level;
+            xx += at * at;
+            xy += at * level;
+        }
+        rest -= energy;
+    }
+    let spread = n * xx - x * x;
+    (n >= 3.0 && spread > 0.0).then(|| (n * xy - x * y) / spread)
+}
+
+/// A band of white noise.
+struct Split {
+    band: usize,
+    /// A symmetric response.
+    taps: Vec<f32>,
+}
+
+/// Frames that are filtered at once.
+const CHUNK: usize = 4096;
+
+impl Split {
+    /// The bands that are heard, with the frequencies below the lowest apart: so a band that is measured is one
+    /// that is made. Their responses add up to an impulse.
+    fn all(rate_hz: f64, heard: usize) -> Vec<Self> {
+        let root = 10f64.powf(0.15);
+        let edges_hz: Vec<f64> =
+            std::iter::once(BANDS_HZ[0] / root).chain((1..heard).map(|band| BANDS_HZ[band] / root)).collect();
+        let low_passes: Vec<Vec<f64>> = edges_hz
+            .iter()
+            .map(|edge_hz| {
+                let (beta, time_bandwidth) = KAISER;
+                let half = (0.5 * time_bandwidth / (TRANSITION * edge_hz) * rate_hz) as usize;
+                let cutoff = 2.0 * edge_hz / rate_hz;
+                let at = |tap: usize| tap as f64 - half as f64;
+                let window = |tap: usize| kaiser_of(at(tap) / (half + 1) as f64, beta);
+                (0..=2 * half).map(|tap| window(tap) * cutoff * sinc(cutoff * at(tap))).collect()
+            })
+            .collect();
+        (0..=edges_hz.len())
+            .map(|index| {
+                // What passes below the upper edge but not below the lower one.
+                let below = index.checked_sub(1).and_then(|index| low_passes.get(index));
+                let upper = low_passes.get(index);
+                let mut taps = below.or(upper).map_or(Vec::new(), |longest| vec![0.0; longest.len()]);
+                let centre = taps.len() / 2;
+                match upper {
+                    None => taps[centre] = 1.0,
+                    Some(upper) => {
+                        let first = centre - upper.len() / 2;
+                        taps[first..].iter_mut().zip(upper).for_each(|(sum, tap)| *sum += tap);
+                    }
+                }
+                if let Some(below) = below {
+                    taps.iter_mut().zip(below).for_each(|(sum, tap)| *sum -= tap);
+                }
+                let band = index.saturating_sub(1);
+                Self { band, taps: taps.into_iter().map(|tap| tap as f32).collect() }
+            })
+            .collect()
+    }
+
+    /// The mean energy of a frame of this band of noise.
+    fn energy(&self) -> f64 {
+        self.taps.iter().map(|tap| f64::from(*tap).powi(2)).sum()
+    }
+
+    /// Fills in noise that would have a variance of 1 if all bands were added.
+    fn noise(&self, random: Random, out: &mut [f32]) -> Result<()> {
+        let mut filter = Convolver::new(&[&self.taps])?;
+        let half = self.taps.len() / 2;
+        // Every band hears the same noise at the same time.
+        let white = |frame: i64| 3f64.sqrt() * (2.0 * random.uniform(frame as u64) - 1.0);
+        let mut input = [0.0f32; CHUNK];
+        let mut frame = -(half as i64);
+        let mut fill = |input: &mut [f32]| {
+            for value in input {
+                *value = white(frame) as f32;
+                frame += 1;
+            }
+        };
+        let mut before = 2 * half;
+        while before > 0 {
+            let input = &mut input[..before.min(CHUNK)];
+            fill(input);
+            filter.skip(input)?;
+            before -= input.len();
+        }
+        for out in out.chunks_mut(CHUNK) {
+            let input = &mut input[..out.len()];
+            fill(input);
+            filter.process(input, out)?;
+        }
+        Ok(())
+    }
+}
+
+/// The energy of images, averaged over all places of source and listener.
+struct Images {
+    order: usize,
+    /// How many walls a metre is in each direction, along each axis.
+    directions: Vec<[f64; 3]>,
+    /// What is left of the energy after so many reflections along each axis, averaged over both sides.
+    left: [Vec<Bands>; 3],
+    air_per_m: Bands,
+}
+
+impl Images {
+    fn new(room: &Room, air: &Air, order: usize) -> Self {
+        let size = room.size_m();
+        let directions = (0..DIRECTIONS * DIRECTIONS)
+            .map(|index| {
+                let part = |i: usize| (i as f64 + 0.5) / DIRECTIONS as f64;
+                let (up, angle) = (part(index / DIRECTIONS), part(index % DIRECTIONS) * TAU / 4.0);
+                let flat = (1.0 - up * up).sqrt();
+                [flat * angle.cos() / size[0], up / size[1], flat * angle.sin() / size[2]]
+            })
+            .collect();
+        // Further than the images of the order reach, along any axis.
+        let shortest = size.iter().copied().fold(f64::INFINITY, f64::min);
+        let longest = size.iter().copied().fold(0.0, f64::max);
+        let most = ((order + 3) as f64 * longest / shortest) as usize;
+        let walls = room.absorption();
+        let left = std::array::from_fn(|axis| {
+            let (low, high) = (&walls[2 * axis], &walls[2 * axis + 1]);
+            (0..=most.min(MOST_REFLECTIONS) as i32)
+                .map(|hits| {
+                    std::array::from_fn(|band| {
+                        let (low, high) = (1.0 - low[band], 1.0 - high[band]);
+                        let pairs = (low * high).powi(hits / 2);
+                        if hits % 2 == 0 { pairs } else { pairs * 0.5 * (low + high) }
+                    })
+                })
+                .collect()
+        });
+        Self { order, directions, left, air_per_m: energy_per_m(air) }
+    }
+
+    /// What walls and air leave of the energy of a source at a distance: of images up to the order, and of all.
+    fn energies(&self, distance_m: f64) -> (Bands, Bands) {
+        let (mut early, mut all) = ([0.0; BAND_COUNT], [0.0; BAND_COUNT]);
+        for walls_per_m in &self.directions {
+            let walls = walls_per_m.map(|w| w * distance_m);
+            // Along an axis n + f walls away, an image has met n of them for 1 − f of all places and n + 1 for f.
+            for corner in 0..8 {
+                let (mut weight, mut order, mut reflected) = (1.0, 0, [1.0; BAND_COUNT]);
+                for axis in 0..3 {
+                    let further = corner >> axis & 1;
+                    let part = walls[axis].fract();
+                    weight *= if further == 1 { part } else { 1.0 - part };
+                    let hits = walls[axis] as usize + further;
+                    order += hits;
+                    let left = self.left[axis].get(hits).unwrap_or(&[0.0; BAND_COUNT]);
+                    reflected.iter_mut().zip(left).for_each(|(product, left)| *product *= left);
+                }
+                for band in 0..BAND_COUNT {
+                    all[band] += weight * reflected[band];
+                    if order <= self.order {
+                        early[band] += weight * reflected[band];
+                    }
+                }
+            }
+        }
+        let share = |band: usize| (-self.air_per_m[band] * distance_m).exp() / self.directions.len() as f64;
+        let scaled = |sums: Bands| std::array::from_fn(|band| sums[band] * share(band));
+        (scaled(early), scaled(all))
+    }
+}
+
+/// After as many reflections along an axis nothing is left, whatever the walls.
+const MOST_REFLECTIONS: usize = 100_000;
+
+#[cfg(test)]
+mod tests;
