@@ -11,9 +11,9 @@
 //!
 //! | quantity | value |
 //! | --- | --- |
-//! | reverberation time of a tail | within 5 % of Eyring's, each band |
+//! | reverberation time of a tail | within 5 % of Eyring's, measured in any band whose width times that time is 40 or more; noise of the band of 63 Hz tells a time below 1 s less well |
 //! | length | until each band has fallen by 90 dB |
-//! | cost | some 2 µs a sample, once for each room and channel |
+//! | cost | about 1 µs a sample, once for each room and channel |
 
 use std::f64::consts::{PI, TAU};
 
@@ -49,8 +49,8 @@ const STEPS: usize = 256;
 /// Directions along each side of an octant over which images are averaged.
 const DIRECTIONS: usize = 16;
 
-/// The transition between two bands of noise is this part of its frequency wide.
-const TRANSITION: f64 = 0.2;
+/// The transition between two bands of noise is this part of its frequency wide, and no wider than so many Hz.
+const TRANSITION: (f64, f64) = (0.2, 100.0);
 
 /// Shape of Kaiser's window for 80 dB, and its product of time and bandwidth.
 const KAISER: (f64, f64) = (7.86, 5.0);
@@ -102,7 +102,7 @@ impl Reverberation {
     /// would let it do so for minutes.
     pub fn new(room: &Room, air: &Air, order: usize) -> Result<Self> {
         let times_s = eyring_s(room, air);
-        if let Some(band) = times_s.iter().position(|time_s| !(*time_s <= LONGEST_S)) {
+        if let Some(band) = times_s.iter().position(|time_s| !(0.0..=LONGEST_S).contains(time_s)) {
             let (time_s, name) = (times_s[band], BANDS_HZ[band].round());
             return Err(Error::new(format!(
                 "the room reverberates for {time_s:.0} s at {name} Hz; {LONGEST_S} s is the most"
@@ -158,15 +158,20 @@ impl Reverberation {
     /// The energy of the tail that arrives in a second about a time after it left the source, in each band, where a
     /// source has a pressure of 1 at 1 m.
     pub fn energy_per_s(&self, time_s: f64) -> Bands {
+        std::array::from_fn(|band| self.band_energy_per_s(band, time_s))
+    }
+
+    fn band_energy_per_s(&self, band: usize, time_s: f64) -> f64 {
         let place = time_s.max(0.0) / self.step_s;
         let (step, part) = (place as usize, place.fract());
-        let (Some(from), Some(to)) = (self.rise.get(step), self.rise.get(step + 1)) else {
-            let last = self.rise.last().unwrap_or(&[0.0; BAND_COUNT]);
-            let late_s = time_s - (self.rise.len() - 1) as f64 * self.step_s;
-            let left = |band: usize| (-SIXTY_DB * late_s / self.times_s[band].max(SHORTEST_S)).exp();
-            return std::array::from_fn(|band| last[band] * left(band));
-        };
-        std::array::from_fn(|band| from[band] + part * (to[band] - from[band]))
+        match (self.rise.get(step), self.rise.get(step + 1)) {
+            (Some(from), Some(to)) => from[band] + part * (to[band] - from[band]),
+            _ => {
+                let late_s = time_s - (self.rise.len() - 1) as f64 * self.step_s;
+                let left = (-SIXTY_DB * late_s / self.times_s[band].max(SHORTEST_S)).exp();
+                self.rise.last().map_or(0.0, |last| last[band] * left)
+            }
+        }
     }
 
     /// When a band's tail ends, in seconds.
@@ -207,18 +212,19 @@ impl Reverberation {
             let envelope = |frame: usize| {
                 let end = 1.0 - frame as f64 / frames as f64;
                 let fade = if end < FADE { 0.5 - 0.5 * (PI * end / FADE).cos() } else { 1.0 };
-                fade * (self.energy_per_s(frame as f64 / rate_hz)[split.band] / rate_hz).sqrt()
+                fade * (self.band_energy_per_s(split.band, frame as f64 / rate_hz) / rate_hz).sqrt()
             };
-            self.settle(split.energy(), rate_hz, envelope, noise);
+            self.settle(&split, rate_hz, envelope, noise);
             tail.iter_mut().zip(noise).for_each(|(sum, value)| *sum += *value);
         }
         Ok(tail)
     }
 
-    /// Gives noise of some energy a frame its envelope, and sees to it that its decay and energy are those of the
-    /// envelope: noise of a low band has but few ups and downs, which would tilt it by chance.
-    fn settle(&self, energy: f64, rate_hz: f64, envelope: impl Fn(usize) -> f64, noise: &mut [f32]) {
+    /// Gives noise its envelope, and sees to it that its decay and energy are those of the envelope: noise of a low
+    /// band has but few ups and downs, which would tilt it by chance.
+    fn settle(&self, split: &Split, rate_hz: f64, envelope: impl Fn(usize) -> f64, noise: &mut [f32]) {
         let bin = (rate_hz / 1000.0).round() as usize;
+        let energy = split.energy();
         let mut expected = vec![0.0f64; noise.len().div_ceil(bin)];
         for (frame, value) in noise.iter_mut().enumerate() {
             let envelope = envelope(frame);
@@ -227,53 +233,62 @@ impl Reverberation {
         }
         let found: Vec<f64> =
             noise.chunks(bin).map(|bin| bin.iter().map(|v| f64::from(*v).powi(2)).sum()).collect();
-        let Some(slope) = slope(&expected) else { return };
-        let total: f64 = expected.iter().sum();
-        let (mut tilt, mut level) = (0.0, 1.0);
-        for _ in 0..TURNS {
-            let tilted: Vec<f64> =
-                found.iter().enumerate().map(|(i, energy)| energy * (tilt * i as f64).exp()).collect();
-            level = total / tilted.iter().sum::<f64>();
-            if let Some(found) = self::slope(&tilted) {
-                tilt += slope - found;
+        // No finer than noise of this width has ups and downs at all.
+        let evened_s = (self.times_s[split.band] * EVENED).max(2.0 / split.width_hz);
+        let gains = evened(&expected, found, ((0.5e3 * evened_s) as usize).max(1));
+        for (frame, value) in noise.iter_mut().enumerate() {
+            let place = (frame as f64 / bin as f64 - 0.5).max(0.0);
+            let (index, part) = (place as usize, place.fract());
+            let from = gains[index];
+            let to = gains.get(index + 1).copied().unwrap_or(from);
+            *value *= (from + part * (to - from)) as f32;
+        }
+    }
+}
+
+/// The gains that give bins of some energies others, smoothly over stretches of two `hop`s, and the same total.
+fn evened(expected: &[f64], mut found: Vec<f64>, hop: usize) -> Vec<f64> {
+    let mut gains = vec![1.0; found.len()];
+    let total: f64 = expected.iter().sum();
+    let nodes = found.len() / hop + 2;
+    for _ in 0..TURNS {
+        let mut ratios = vec![(0.0, 0.0); nodes];
+        for (index, (expected, found)) in expected.iter().zip(&found).enumerate() {
+            let (node, part) = (index / hop, (index % hop) as f64 / hop as f64);
+            for (node, weight) in [(node, 1.0 - part), (node + 1, part)] {
+                ratios[node].0 += weight * expected;
+                ratios[node].1 += weight * found;
             }
         }
-        if !level.is_finite() {
-            return;
+        let ratios: Vec<f64> = ratios
+            .into_iter()
+            .map(|(expected, found)| if found > 0.0 { (expected / found).clamp(0.25, 4.0) } else { 1.0 })
+            .collect();
+        let mut sum = 0.0;
+        for (index, (gain, found)) in gains.iter_mut().zip(&mut found).enumerate() {
+            let (node, part) = (index / hop, (index % hop) as f64 / hop as f64);
+            let ratio = ratios[node] + part * (ratios[node + 1] - ratios[node]);
+            *gain *= ratio;
+            *found *= ratio;
+            sum += *found;
         }
-        for (frame, value) in noise.iter_mut().enumerate() {
-            *value *= (level.sqrt() * (0.5 * tilt * frame as f64 / bin as f64).exp()) as f32;
+        if sum > 0.0 {
+            gains.iter_mut().chain(&mut found).for_each(|value| *value *= total / sum);
         }
     }
+    gains.into_iter().map(f64::sqrt).collect()
 }
 
-/// How often the decay is measured and set right.
+/// Noise is evened out over this part of the reverberation time, in which it falls by 5 dB.
+const EVENED: f64 = 1.0 / 12.0;
+
+/// How often the energies are measured and evened out.
 const TURNS: usize = 6;
-
-/// By what power of e the energy that is still to come falls from one bin to the next, between 5 and 35 dB below all
-/// of it.
-fn slope(energies: &[f64]) -> Option<f64> {
-    let mut rest: f64 = energies.iter().sum();
-    let (most, least) = (rest * 10f64.powf(-0.5), rest * 10f64.powf(-3.5));
-    let (mut n, mut x, mut y, mut xx, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for (bin, energy) in energies.iter().enumerate() {
-        if rest <= most && rest >= least {
-            let (at, level) = (bin as f64, rest.ln());
-            n += 1.0;
-            x += at;
-            y += level;
-            xx += at * at;
-            xy += at * level;
-        }
-        rest -= energy;
-    }
-    let spread = n * xx - x * x;
-    (n >= 3.0 && spread > 0.0).then(|| (n * xy - x * y) / spread)
-}
 
 /// A band of white noise.
 struct Split {
     band: usize,
+    width_hz: f64,
     /// A symmetric response.
     taps: Vec<f32>,
 }
@@ -292,7 +307,8 @@ impl Split {
             .iter()
             .map(|edge_hz| {
                 let (beta, time_bandwidth) = KAISER;
-                let half = (0.5 * time_bandwidth / (TRANSITION * edge_hz) * rate_hz) as usize;
+                let width_hz = (TRANSITION.0 * edge_hz).min(TRANSITION.1);
+                let half = (0.5 * time_bandwidth / width_hz * rate_hz) as usize;
                 let cutoff = 2.0 * edge_hz / rate_hz;
                 let at = |tap: usize| tap as f64 - half as f64;
                 let window = |tap: usize| kaiser_of(at(tap) / (half + 1) as f64, beta);
@@ -317,7 +333,9 @@ impl Split {
                     taps.iter_mut().zip(below).for_each(|(sum, tap)| *sum -= tap);
                 }
                 let band = index.saturating_sub(1);
-                Self { band, taps: taps.into_iter().map(|tap| tap as f32).collect() }
+                let upper_hz = edges_hz.get(index).copied().unwrap_or(0.5 * rate_hz);
+                let width_hz = upper_hz - index.checked_sub(1).map_or(0.0, |below| edges_hz[below]);
+                Self { band, width_hz, taps: taps.into_iter().map(|tap| tap as f32).collect() }
             })
             .collect()
     }
@@ -406,13 +424,12 @@ impl Images {
             // Along an axis n + f walls away, an image has met n of them for 1 − f of all places and n + 1 for f.
             for corner in 0..8 {
                 let (mut weight, mut order, mut reflected) = (1.0, 0, [1.0; BAND_COUNT]);
-                for axis in 0..3 {
+                for (axis, (walls, left)) in walls.iter().zip(&self.left).enumerate() {
                     let further = corner >> axis & 1;
-                    let part = walls[axis].fract();
-                    weight *= if further == 1 { part } else { 1.0 - part };
-                    let hits = walls[axis] as usize + further;
+                    weight *= if further == 1 { walls.fract() } else { 1.0 - walls.fract() };
+                    let hits = *walls as usize + further;
                     order += hits;
-                    let left = self.left[axis].get(hits).unwrap_or(&[0.0; BAND_COUNT]);
+                    let left = left.get(hits).unwrap_or(&[0.0; BAND_COUNT]);
                     reflected.iter_mut().zip(left).for_each(|(product, left)| *product *= left);
                 }
                 for band in 0..BAND_COUNT {

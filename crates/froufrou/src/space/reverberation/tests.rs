@@ -53,8 +53,9 @@ fn the_times_are_those_of_pyroomacoustics() {
     }
 }
 
-/// The energies of an octave band of a response in each millisecond. The band has soft edges: what a filter
-/// rings must be short against the decay.
+/// The energies of an octave band of a response in each millisecond, through the magnitude of Butterworth's filter of
+/// order 8. Of the upper bands, where there is noise enough, only the middle three quarters are taken, so that neighbours which
+/// reverberate for longer stay out.
 fn octave(taps: &[f32], rate_hz: f64, band: usize) -> Vec<f64> {
     let length = (taps.len() + rate_hz as usize).next_power_of_two();
     let mut planner = RealFftPlanner::<f64>::new();
@@ -64,15 +65,37 @@ fn octave(taps: &[f32], rate_hz: f64, band: usize) -> Vec<f64> {
     let mut bins = forward.make_output_vec();
     forward.process(&mut samples, &mut bins).unwrap();
     for (bin, value) in bins.iter_mut().enumerate() {
-        let octaves = (bin as f64 * rate_hz / length as f64 / BANDS_HZ[band]).log2().abs();
-        // 1 up to 0.3 octaves from the middle, 0 from 0.5.
-        let edge = ((octaves - 0.3) / 0.2).clamp(0.0, 1.0);
-        *value *= 0.5 + 0.5 * (PI * edge).cos();
+        let ratio = bin as f64 * rate_hz / length as f64 / BANDS_HZ[band];
+        // The edges of an octave lie at 10^±0.15 of the middle.
+        let edge = 10f64.powf(if band < 4 { 0.15 } else { 0.11 });
+        let off = (ratio - 1.0 / ratio) / (edge - 1.0 / edge);
+        *value *= 1.0 / (1.0 + off.powi(16)).sqrt();
     }
     planner.plan_fft_inverse(length).process(&mut bins, &mut samples).unwrap();
     let bin = (rate_hz / 1000.0).round() as usize;
     let scale = 1.0 / (length as f64).powi(2);
     samples[..taps.len()].chunks(bin).map(|bin| bin.iter().map(|v| v * v * scale).sum()).collect()
+}
+
+/// By what power of e the energy that is still to come falls from one bin to the next, between 5 and 35 dB below all
+/// of it.
+fn slope(energies: &[f64]) -> Option<f64> {
+    let mut rest: f64 = energies.iter().sum();
+    let (most, least) = (rest * 10f64.powf(-0.5), rest * 10f64.powf(-3.5));
+    let (mut n, mut x, mut y, mut xx, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for (bin, energy) in energies.iter().enumerate() {
+        if rest <= most && rest >= least {
+            let (at, level) = (bin as f64, rest.ln());
+            n += 1.0;
+            x += at;
+            y += level;
+            xx += at * at;
+            xy += at * level;
+        }
+        rest -= energy;
+    }
+    let spread = n * xx - x * x;
+    (n >= 3.0 && spread > 0.0).then(|| (n * xy - x * y) / spread)
 }
 
 fn measured_s(taps: &[f32], rate_hz: f64, band: usize) -> f64 {

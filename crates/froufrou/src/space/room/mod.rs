@@ -83,7 +83,7 @@ impl Room {
             return Err(Error::new(format!("the size of the room is {x} by {y} by {z} m"))
                 .help(format!("give width, height and depth, each from {SHORTEST_M} to {LONGEST_M}")));
         }
-        if !(turn_degrees.abs() <= 36_000.0) {
+        if !(-36_000.0..=36_000.0).contains(&turn_degrees) {
             return Err(Error::new(format!("the room is turned by {turn_degrees} degrees"))
                 .help("give an angle, counter-clockwise seen from above"));
         }

@@ -112,8 +112,8 @@ impl Reflections {
     /// reflection; the first of them is heard.
     pub fn heard(&self, number: usize, planes: &[Plane], source_m: [f64; 3], listener_m: [f64; 3]) -> bool {
         let Some(word) = self.words.get(number).filter(|_| planes.len() == self.planes) else { return false };
-        let outside = |point| planes.iter().any(|plane| !(plane.distance_m(point) > 0.0));
-        if outside(source_m) || outside(listener_m) || normal_form(word, planes) != *word {
+        let inside = |point| planes.iter().all(|plane| plane.distance_m(point) > 0.0);
+        if !inside(source_m) || !inside(listener_m) || normal_form(word, planes) != *word {
             return false;
         }
         // Follow the sound back from the listener for as long as its way is: it must meet just these planes.
