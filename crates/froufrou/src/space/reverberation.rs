@@ -15,15 +15,18 @@
 //! | length | until each band has fallen by 90 dB |
 //! | cost | about 1 µs a sample, once for each room and channel |
 
-use std::f64::consts::{PI, TAU};
+mod images;
+mod split;
+
+use std::f64::consts::PI;
 
 use super::air::Air;
 use super::bands::{BAND_COUNT, BANDS_HZ, Bands};
-use super::convolution::Convolver;
 use super::room::{Room, mean_absorption};
 use crate::random::Random;
-use crate::synth::sinc::{kaiser_of, sinc};
 use crate::{Error, Result};
+use images::Images;
+use split::Split;
 
 /// A room that reverberates longer has no tail, in seconds.
 pub const LONGEST_S: f64 = 30.0;
@@ -45,15 +48,6 @@ const THREADS: u64 = 0x7461_696c_0000_0000;
 
 /// Steps of time over which the images thin out.
 const STEPS: usize = 256;
-
-/// Directions along each side of an octant over which images are averaged.
-const DIRECTIONS: usize = 16;
-
-/// The transition between two bands of noise is this part of its frequency wide, and no wider than so many Hz.
-const TRANSITION: (f64, f64) = (0.2, 100.0);
-
-/// Shape of Kaiser's window for 80 dB, and its product of time and bandwidth.
-const KAISER: (f64, f64) = (7.86, 5.0);
 
 /// A band that reverberates for a shorter time than this is silent, in seconds.
 const SHORTEST_S: f64 = 1e-3;
@@ -284,170 +278,6 @@ const EVENED: f64 = 1.0 / 12.0;
 
 /// How often the energies are measured and evened out.
 const TURNS: usize = 6;
-
-/// A band of white noise.
-struct Split {
-    band: usize,
-    width_hz: f64,
-    /// A symmetric response.
-    taps: Vec<f32>,
-}
-
-/// Frames that are filtered at once.
-const CHUNK: usize = 4096;
-
-impl Split {
-    /// The bands that are heard, with the frequencies below the lowest apart: so a band that is measured is one
-    /// that is made. Their responses add up to an impulse.
-    fn all(rate_hz: f64, heard: usize) -> Vec<Self> {
-        let root = 10f64.powf(0.15);
-        let edges_hz: Vec<f64> =
-            std::iter::once(BANDS_HZ[0] / root).chain((1..heard).map(|band| BANDS_HZ[band] / root)).collect();
-        let low_passes: Vec<Vec<f64>> = edges_hz
-            .iter()
-            .map(|edge_hz| {
-                let (beta, time_bandwidth) = KAISER;
-                let width_hz = (TRANSITION.0 * edge_hz).min(TRANSITION.1);
-                let half = (0.5 * time_bandwidth / width_hz * rate_hz) as usize;
-                let cutoff = 2.0 * edge_hz / rate_hz;
-                let at = |tap: usize| tap as f64 - half as f64;
-                let window = |tap: usize| kaiser_of(at(tap) / (half + 1) as f64, beta);
-                (0..=2 * half).map(|tap| window(tap) * cutoff * sinc(cutoff * at(tap))).collect()
-            })
-            .collect();
-        (0..=edges_hz.len())
-            .map(|index| {
-                // What passes below the upper edge but not below the lower one.
-                let below = index.checked_sub(1).and_then(|index| low_passes.get(index));
-                let upper = low_passes.get(index);
-                let mut taps = below.or(upper).map_or(Vec::new(), |longest| vec![0.0; longest.len()]);
-                let centre = taps.len() / 2;
-                match upper {
-                    None => taps[centre] = 1.0,
-                    Some(upper) => {
-                        let first = centre - upper.len() / 2;
-                        taps[first..].iter_mut().zip(upper).for_each(|(sum, tap)| *sum += tap);
-                    }
-                }
-                if let Some(below) = below {
-                    taps.iter_mut().zip(below).for_each(|(sum, tap)| *sum -= tap);
-                }
-                let band = index.saturating_sub(1);
-                let upper_hz = edges_hz.get(index).copied().unwrap_or(0.5 * rate_hz);
-                let width_hz = upper_hz - index.checked_sub(1).map_or(0.0, |below| edges_hz[below]);
-                Self { band, width_hz, taps: taps.into_iter().map(|tap| tap as f32).collect() }
-            })
-            .collect()
-    }
-
-    /// The mean energy of a frame of this band of noise.
-    fn energy(&self) -> f64 {
-        self.taps.iter().map(|tap| f64::from(*tap).powi(2)).sum()
-    }
-
-    /// Fills in noise that would have a variance of 1 if all bands were added.
-    fn noise(&self, random: Random, out: &mut [f32]) -> Result<()> {
-        let mut filter = Convolver::new(&[&self.taps])?;
-        let half = self.taps.len() / 2;
-        // Every band hears the same noise at the same time.
-        let white = |frame: i64| 3f64.sqrt() * (2.0 * random.uniform(frame as u64) - 1.0);
-        let mut input = [0.0f32; CHUNK];
-        let mut frame = -(half as i64);
-        let mut fill = |input: &mut [f32]| {
-            for value in input {
-                *value = white(frame) as f32;
-                frame += 1;
-            }
-        };
-        let mut before = 2 * half;
-        while before > 0 {
-            let input = &mut input[..before.min(CHUNK)];
-            fill(input);
-            filter.skip(input)?;
-            before -= input.len();
-        }
-        for out in out.chunks_mut(CHUNK) {
-            let input = &mut input[..out.len()];
-            fill(input);
-            filter.process(input, out)?;
-        }
-        Ok(())
-    }
-}
-
-/// The energy of images, averaged over all places of source and listener.
-struct Images {
-    order: usize,
-    /// How many walls a metre is in each direction, along each axis.
-    directions: Vec<[f64; 3]>,
-    /// What is left of the energy after so many reflections along each axis, averaged over both sides.
-    left: [Vec<Bands>; 3],
-    air_per_m: Bands,
-}
-
-impl Images {
-    fn new(room: &Room, air: &Air, order: usize) -> Self {
-        let size = room.size_m();
-        let directions = (0..DIRECTIONS * DIRECTIONS)
-            .map(|index| {
-                let part = |i: usize| (i as f64 + 0.5) / DIRECTIONS as f64;
-                let (up, angle) = (part(index / DIRECTIONS), part(index % DIRECTIONS) * TAU / 4.0);
-                let flat = (1.0 - up * up).sqrt();
-                [flat * angle.cos() / size[0], up / size[1], flat * angle.sin() / size[2]]
-            })
-            .collect();
-        // Further than the images of the order reach, along any axis.
-        let shortest = size.iter().copied().fold(f64::INFINITY, f64::min);
-        let longest = size.iter().copied().fold(0.0, f64::max);
-        let most = ((order + 3) as f64 * longest / shortest) as usize;
-        let walls = room.absorption();
-        let left = std::array::from_fn(|axis| {
-            let (low, high) = (&walls[2 * axis], &walls[2 * axis + 1]);
-            (0..=most.min(MOST_REFLECTIONS) as i32)
-                .map(|hits| {
-                    std::array::from_fn(|band| {
-                        let (low, high) = (1.0 - low[band], 1.0 - high[band]);
-                        let pairs = (low * high).powi(hits / 2);
-                        if hits % 2 == 0 { pairs } else { pairs * 0.5 * (low + high) }
-                    })
-                })
-                .collect()
-        });
-        Self { order, directions, left, air_per_m: energy_per_m(air) }
-    }
-
-    /// What walls and air leave of the energy of a source at a distance: of images up to the order, and of all.
-    fn energies(&self, distance_m: f64) -> (Bands, Bands) {
-        let (mut early, mut all) = ([0.0; BAND_COUNT], [0.0; BAND_COUNT]);
-        for walls_per_m in &self.directions {
-            let walls = walls_per_m.map(|w| w * distance_m);
-            // Along an axis n + f walls away, an image has met n of them for 1 − f of all places and n + 1 for f.
-            for corner in 0..8 {
-                let (mut weight, mut order, mut reflected) = (1.0, 0, [1.0; BAND_COUNT]);
-                for (axis, (walls, left)) in walls.iter().zip(&self.left).enumerate() {
-                    let further = corner >> axis & 1;
-                    weight *= if further == 1 { walls.fract() } else { 1.0 - walls.fract() };
-                    let hits = *walls as usize + further;
-                    order += hits;
-                    let left = left.get(hits).unwrap_or(&[0.0; BAND_COUNT]);
-                    reflected.iter_mut().zip(left).for_each(|(product, left)| *product *= left);
-                }
-                for band in 0..BAND_COUNT {
-                    all[band] += weight * reflected[band];
-                    if order <= self.order {
-                        early[band] += weight * reflected[band];
-                    }
-                }
-            }
-        }
-        let share = |band: usize| (-self.air_per_m[band] * distance_m).exp() / self.directions.len() as f64;
-        let scaled = |sums: Bands| std::array::from_fn(|band| sums[band] * share(band));
-        (scaled(early), scaled(all))
-    }
-}
-
-/// After as many reflections along an axis nothing is left, whatever the walls.
-const MOST_REFLECTIONS: usize = 100_000;
 
 #[cfg(test)]
 mod tests;
