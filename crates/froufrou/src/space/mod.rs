@@ -3,6 +3,9 @@
 pub mod ambisonic;
 pub mod dipole;
 pub mod direction;
+pub mod air;
+pub mod bands;
+pub mod convolution;
 pub mod directivity;
 pub mod extended;
 pub mod layout;
@@ -11,6 +14,8 @@ pub mod microphone;
 pub mod panning;
 pub mod propagation;
 mod sphere;
+pub mod reverberation;
+pub mod room;
 pub mod surroundings;
 pub mod tracing;
 mod track;

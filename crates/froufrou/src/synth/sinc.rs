@@ -106,14 +106,19 @@ fn transition(half_width: usize) -> f64 {
     (attenuation_db - 7.95) / (14.36 * (2 * half_width) as f64)
 }
 
-pub(super) fn sinc(x: f64) -> f64 {
+pub(crate) fn sinc(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { (std::f64::consts::PI * x).sin() / (std::f64::consts::PI * x) }
 }
 
-/// The window of every filter of this crate, from −1 to 1.
+/// The window of the filters that resample, from −1 to 1.
 pub(super) fn kaiser(x: f64) -> f64 {
+    kaiser_of(x, KAISER_BETA)
+}
+
+/// Kaiser's window of a shape β, from −1 to 1.
+pub(crate) fn kaiser_of(x: f64, beta: f64) -> f64 {
     let inside = 1.0 - x * x;
-    if inside <= 0.0 { 0.0 } else { bessel_i0(KAISER_BETA * inside.sqrt()) / bessel_i0(KAISER_BETA) }
+    if inside <= 0.0 { 0.0 } else { bessel_i0(beta * inside.sqrt()) / bessel_i0(beta) }
 }
 
 /// The modified Bessel function of order 0 by its power series, which converges for every argument
