@@ -7,10 +7,11 @@ use std::sync::{Arc, LazyLock};
 use froufrou::render::offline::{Extent, render};
 use froufrou::render::production::{ChannelLines, lengths_s};
 use froufrou::score::ending::Ending;
-use froufrou::score::{AnyReader, AnySpace, ChannelHeader, ChannelSpace, Make, ObjectSpace, Repeat, Sound};
+use froufrou::score::{AnyReader, AnySpace, ChannelHeader, ChannelSpace, Make, ObjectSpace, Output, Repeat, Sound};
 use froufrou::space::propagation::{Propagation, channel_header};
 use froufrou::synth::mixer::{Mixer, Sounding};
 use froufrou::synth::prototypes::{Soundings, load};
+use froufrou::synth::receivers;
 use froufrou::synth::voice::Prototype;
 use froufrou_fuzz::target;
 
@@ -51,12 +52,22 @@ fn soundings(sounds: &[Sound]) -> Option<Soundings> {
     sounds.iter().map(sounding).collect()
 }
 
+fn sphere(output: &Output) -> Output {
+    match output {
+        Output::Head { ears, .. } => Output::Head { ears: ears.clone(), head: None },
+        channel => channel.clone(),
+    }
+}
+
 fn mix(header: &ChannelHeader, soundings: Soundings, lines: ChannelLines<'_>) {
-    let channels = header.receivers.len();
+    let channels = header.channels().len();
     if channels == 0 || channels > MOST_CHANNELS {
         return;
     }
-    let Ok(mut mixer) = Mixer::new(RATE_HZ, channels, soundings, lines) else { return };
+    // Heads are spheres here: files would be read at every input.
+    let spheres: Vec<Output> = header.receivers.iter().map(sphere).collect();
+    let Ok(receivers) = receivers::load(&spheres, &FOLDER, RATE_HZ) else { return };
+    let Ok(mut mixer) = Mixer::new(RATE_HZ, receivers, soundings, lines) else { return };
     let to_s = Some(0.2);
     let extent = Extent { rate_hz: RATE_HZ, from_s: 0.0, to_s, duration_s: header.duration_s };
     let mut frames = 0;
@@ -77,7 +88,8 @@ target!(|bytes| {
             let lengths: Vec<_> = lengths_s(&soundings).collect();
             let Ok(lines) = reader.by_time() else { return };
             let lines = Ending::<ObjectSpace, _>::new(lines, lengths, header.duration_s);
-            mix(&channel_header(&header), soundings, Box::new(Propagation::new(&header, lines)));
+            let Ok(lines) = Propagation::new(&header, lines) else { return };
+            mix(&channel_header(&header), soundings, Box::new(lines));
         }
         Ok(AnySpace::Channel(reader)) => {
             let header = reader.header().clone();

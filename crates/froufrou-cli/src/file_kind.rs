@@ -19,6 +19,8 @@ pub enum FileKind {
     Animation(AnimationFormat),
     /// An audio file; the name of its format.
     Recording(&'static str),
+    /// What a head does to sound: SOFA, which is HDF5.
+    Head,
     /// A score in either space.
     Score,
     /// Events, one JSON object a line.
@@ -58,7 +60,10 @@ impl FileKind {
         // glTF is JSON as events are, and is told apart before them.
         let json = head.trim_ascii_start().starts_with(b"{");
         let gltf = || animation().filter(|kind| json && *kind == Self::Animation(AnimationFormat::Gltf));
-        let magic = Self::of_magic(head).or_else(gltf).or_else(|| Self::of_text(head, name));
+        // Old Alembic files are HDF5 as well.
+        let hdf =
+            || (head.starts_with(b"\x89HDF\r\n\x1a\n") && !name.ends_with(".abc")).then_some(Self::Head);
+        let magic = Self::of_magic(head).or_else(hdf).or_else(gltf).or_else(|| Self::of_text(head, name));
         magic.or_else(animation).or_else(|| Self::of_name(name))
     }
 
@@ -130,6 +135,7 @@ impl FileKind {
             (".score", Self::Score),
             (".csv", Self::ContactLog),
             (".mp3", Self::Recording("MP3")),
+            (".sofa", Self::Head),
         ];
         kinds.into_iter().find(|(ending, _)| name.ends_with(ending)).map(|(_, kind)| kind)
     }
@@ -141,9 +147,11 @@ mod tests {
 
     #[test]
     fn content_goes_before_the_name() {
-        let cases: [(&[u8], &str, Option<FileKind>); 18] = [
+        let cases: [(&[u8], &str, Option<FileKind>); 20] = [
             (b"RIFF\0\0\0\0WAVEfmt ", "a.mp3", Some(FileKind::Recording("WAV"))),
             (b"Ogawa\xff", "a.bin", Some(FileKind::Animation(AnimationFormat::Alembic))),
+            (b"\x89HDF\r\n\x1a\n\0", "a", Some(FileKind::Head)),
+            (b"\x89HDF\r\n\x1a\n\0", "a.abc", Some(FileKind::Animation(AnimationFormat::Alembic))),
             (b"POINTCACHE2\0", "a", Some(FileKind::Animation(AnimationFormat::Pc2))),
             (b"# 8, a, b\nv 0 0 0\n", "a", Some(FileKind::Animation(AnimationFormat::Obj))),
             (b"o block\n", "a.csv", Some(FileKind::ContactLog)),

@@ -1,6 +1,6 @@
 //! `froufrou mix`: from a score to its soundtrack.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use froufrou::Result;
@@ -36,7 +36,8 @@ impl Mix {
         let (mut header, prototypes, lines) = open_score(&self.path)?;
         header.seed = self.seed.unwrap_or(header.seed);
         let rate_hz = self.soundtrack.rate.unwrap_or(RATE_HZ);
-        soundtrack::write(&self.soundtrack, rate_hz, &header, prototypes, lines)?;
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        soundtrack::write(&self.soundtrack, rate_hz, &header, folder, prototypes, lines)?;
         Ok(())
     }
 }

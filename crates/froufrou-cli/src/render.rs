@@ -52,7 +52,7 @@ pub struct SceneOptions {
     #[arg(long, value_name = "NUMBER")]
     pub seed: Option<u64>,
 
-    /// How the listener hears, instead of the scene's layout: mono or stereo
+    /// How the listener hears, instead of the scene's layout: mono, stereo, binaural, ambisonic-3, 5.1, 7.1.4, …
     #[arg(long, value_name = "LAYOUT", value_parser = layout)]
     pub layout: Option<Layout>,
 }
@@ -68,8 +68,8 @@ impl SceneOptions {
         if let Some(seed) = self.seed {
             scene.seed = seed;
         }
-        if let Some(layout) = self.layout {
-            scene.set_layout(layout)?;
+        if let Some(layout) = &self.layout {
+            scene.set_layout(layout.clone())?;
         }
         Ok(scene)
     }
@@ -85,6 +85,7 @@ impl Render {
             &self.soundtrack,
             rate_hz,
             &production.channel_header(),
+            &production.scene.folder,
             production.prototypes.clone(),
             production.channel_lines()?,
         )?;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use froufrou::Result;
 use froufrou::render::production::Production;
-use froufrou::score::{AnyDocument, ChannelWriter, Header, ObjectLine, ObjectWriter, Order};
+use froufrou::score::{AnyDocument, ChannelWriter, Header, ObjectLine, ObjectWriter, Order, Receives};
 
 use crate::files;
 use crate::progress::Count;
@@ -124,7 +124,7 @@ impl Score {
 }
 
 /// A header whose files are named from the folder of the score instead of that of the scene.
-fn relocated<R: Clone>(header: &Header<R>, folder: &Path, output: &Path) -> Header<R> {
+fn relocated<R: Clone + Receives>(header: &Header<R>, folder: &Path, output: &Path) -> Header<R> {
     let from = output.parent().unwrap_or(Path::new(""));
     let mut header = header.clone();
     for file in header.files_mut() {

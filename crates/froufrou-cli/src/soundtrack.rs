@@ -1,7 +1,7 @@
 //! What `render` and `mix` share: from lines in channel space to the files of a soundtrack.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use froufrou::render::broadcast::Description;
@@ -12,6 +12,7 @@ use froufrou::render::timecode::{Origination, Timecode};
 use froufrou::score::{ChannelHeader, ChannelLine};
 use froufrou::synth::mixer::{Begun, Mixer};
 use froufrou::synth::prototypes::Soundings;
+use froufrou::synth::receivers;
 use froufrou::{Error, Result};
 use serde_json::json;
 
@@ -123,11 +124,12 @@ fn origination(text: &str) -> Result<Origination, String> {
     text.parse().map_err(|error: Error| error.to_string())
 }
 
-/// Renders lines to files, with a progress bar and a report.
+/// Renders lines to files, with a progress bar and a report. `folder` is that of the score.
 pub fn write<L>(
     options: &Options,
     rate_hz: u32,
     header: &ChannelHeader,
+    folder: &Path,
     prototypes: Soundings,
     lines: L,
 ) -> Result<Summary>
@@ -137,7 +139,9 @@ where
     if options.to.is_some_and(|to| to <= options.from) {
         usage("`--to` must be later than `--from`");
     }
-    let channels = header.receivers.len();
+    let channel_names = header.channels();
+    let channels = channel_names.len();
+    let receivers = receivers::load(&header.receivers, folder, rate_hz)?;
     let extent = Extent { rate_hz, from_s: options.from, to_s: options.to, duration_s: header.duration_s };
     let mut project = options.reaper.as_deref().map(reaper::Session::new).transpose()?;
     let stems = options.stems.clone().or_else(|| project.as_ref().map(reaper::Session::stems_folder));
@@ -153,7 +157,7 @@ where
         seed: header.seed,
         gain_db: options.gain,
         normalize_dbtp: options.normalize,
-        channel_names: header.receivers.clone(),
+        channel_names,
         description,
     };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads.map_or(0, usize::from)).build();
@@ -164,7 +168,7 @@ where
         .map(|s| (s.name.clone(), s.make.file().unwrap_or(s.make.kind()).to_owned()))
         .collect();
     let mut log = options.log.as_deref().map(files::Output::create).transpose()?;
-    let mut mixer = Mixer::new(rate_hz, channels, prototypes, lines)?.with_seed(header.seed);
+    let mut mixer = Mixer::new(rate_hz, receivers, prototypes, lines)?.with_seed(header.seed);
     mixer = mixer.keeping_going(options.keep_going);
     let (first, end) = extent.frames();
     let progress = Progress::new(rate_hz, end.map(|end| end.saturating_sub(first)));

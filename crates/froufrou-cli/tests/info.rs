@@ -50,6 +50,18 @@ fn recordings_are_measured() {
 }
 
 #[test]
+fn heads_tell_what_was_measured() {
+    let told = told(&fixtures("head").join("sphere.sofa"));
+    assert_eq!(told["kind"], "head");
+    assert!(told["directions"].as_u64() > Some(10), "{told}");
+    // A sphere of 8.75 cm: r / c (π / 2 + 1).
+    near(&told["interaural_delay_s"], 656e-6, 30e-6);
+    near(&told["elevations_deg"][1], 90.0, 30.0);
+    let other = froufrou([Path::new("info"), &fixtures("head").join("other_convention.sofa")]);
+    assert!(message(&other).contains("other_convention.sofa"));
+}
+
+#[test]
 fn silence_has_no_level() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("silence.wav");

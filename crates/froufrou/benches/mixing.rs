@@ -12,7 +12,8 @@ use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
 use froufrou::score::{Arrival, ChannelLine, Start, Statement, Verb};
 use froufrou::synth::mixer::Mixer;
-use froufrou::synth::path::{Fades, Segment};
+use froufrou::synth::path::{Fades, Segment, UNFILTERED};
+use froufrou::synth::receivers::Receiver;
 use froufrou::synth::voice::{Playback, Prototype, add_segment};
 use rubato::audioadapter_buffers::direct::InterleavedSlice;
 use rubato::{
@@ -39,7 +40,7 @@ fn lines(voices: u64, still: bool) -> Vec<froufrou::Result<ChannelLine>> {
         for thread in 0..voices {
             let time_s = frame as f64 / 60.0;
             let phase = thread as f64 * 0.37 + if still { 0.0 } else { time_s * (2.0 + (thread % 7) as f64) };
-            let ear = |side: f64| Arrival { gain: 0.3, delay_s: 0.05 + 0.01 * (phase + side).sin() };
+            let ear = |side: f64| Arrival::new(0.3, 0.05 + 0.01 * (phase + side).sin());
             let verb = match frame {
                 0 => Verb::Start(Start {
                     sound: "noise".into(),
@@ -63,8 +64,13 @@ fn render(bencher: Bencher, voices: u64, still: bool) {
     let lines = lines(voices, still);
     let lines = || lines.iter().map(|l| Ok(l.as_ref().unwrap().clone())).collect::<Vec<_>>();
     bencher.counter(ItemsCount::new(voices)).bench(|| {
-        let mut mixer = Mixer::new(RATE_HZ, 2, [("noise".to_string(), noise().into())], lines().into_iter())
-            .expect("a score");
+        let mut mixer = Mixer::new(
+            RATE_HZ,
+            Receiver::plain(2),
+            [("noise".to_string(), noise().into())],
+            lines().into_iter(),
+        )
+        .expect("a score");
         mixer.read_to(52_800).expect("lines");
         for block in 0..47 {
             black_box(mixer.voices().render(4_000 + block * 1024, 1024, false));
@@ -92,6 +98,7 @@ fn reading(bencher: Bencher, ratio: f64) {
         delay_s: [0.0, 1.0 - ratio],
         slope: [1.0 - ratio; 2],
         gain: [1.0; 2],
+        filter: [UNFILTERED; 2],
         fades: Fades::NONE,
     };
     let playback = Playback { start_s: -0.01, speed: 1.0, offset_s: 0.0 };

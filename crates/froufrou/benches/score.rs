@@ -53,7 +53,7 @@ fn channel_score() -> ChannelDocument {
     let lines = (0..FRAMES).flat_map(|frame| {
         (0..THREADS).map(move |thread| {
             let gain = number(thread, frame);
-            ChannelLine::Thread(statement(thread, frame, vec![Arrival { gain, delay_s: gain / 7.0 }; 2]))
+            ChannelLine::Thread(statement(thread, frame, vec![Arrival::new(gain, gain / 7.0); 2]))
         })
     });
     Document::new(header(vec!["left".to_string(), "right".to_string()]), lines)
@@ -64,7 +64,7 @@ fn object_score() -> Document<ObjectSpace> {
     let ear = MicrophoneKey {
         microphone: 0,
         time_s: 0.0,
-        pose: Pose { position_m: [0.0, 1.6, 0.0], facing: [0.0, 0.0, -1.0] },
+        pose: Pose::upright([0.0, 1.6, 0.0], [0.0, 0.0, -1.0]),
         cut: false,
     };
     let threads = (0..FRAMES).flat_map(|frame| {

@@ -3,10 +3,11 @@
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
 use froufrou::random::Random;
+use froufrou::score::Loudspeaker;
 use froufrou::space::ambisonic::{Decoder, Level, Rotation, Weights, encode};
 use froufrou::space::dipole::{Arrival, Disk, Plane, factors};
 use froufrou::space::extended::Gathering;
-use froufrou::space::layout::{Layout, Speaker};
+use froufrou::space::layout::Layout;
 use froufrou::space::panning::Panner;
 use realfft::num_complex::Complex;
 
@@ -20,7 +21,7 @@ fn directions(count: u64) -> Vec<[f64; 3]> {
     (0..count).map(|i| [0, 1, 2].map(|k| 2.0 * random.uniform(3 * i + k) - 1.0)).collect()
 }
 
-fn pan(bencher: Bencher, speakers: &[Speaker]) {
+fn pan(bencher: Bencher, speakers: &[Loudspeaker]) {
     let panner = Panner::new(speakers).expect("a layout");
     let directions = directions(1000);
     let mut gains = vec![0.0; speakers.len()];
@@ -38,9 +39,9 @@ fn panning(bencher: Bencher, name: &str) {
     pan(bencher, Layout::named(name).expect("a name").speakers());
 }
 
-fn dome() -> Vec<Speaker> {
+fn dome() -> Vec<Loudspeaker> {
     let place = |i: u32| (f64::from(i) * 137.5, f64::from(i).mul_add(2.7, -85.0));
-    (0..64).map(place).enumerate().map(|(i, (a, e))| Speaker::new(format!("s{i}"), a, e)).collect()
+    (0..64).map(place).enumerate().map(|(i, (a, e))| Loudspeaker::new(format!("s{i}"), a, e)).collect()
 }
 
 /// The gains of 64 loudspeakers for 1000 directions.

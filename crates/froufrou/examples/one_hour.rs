@@ -19,6 +19,7 @@ use froufrou::render::production::Production;
 use froufrou::render::soundtrack::{self, Output};
 use froufrou::scene::Scene;
 use froufrou::synth::mixer::Mixer;
+use froufrou::synth::receivers::Receiver;
 
 fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let seconds: u32 = std::env::args().nth(1).map_or(Ok(3600), |text| text.parse())?;
@@ -38,7 +39,8 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
         channel_names: Vec::new(),
         description: Description::default(),
     };
-    let mut mixer = Mixer::new(48_000, 2, production.prototypes.clone(), production.channel_lines()?)?;
+    let mut mixer =
+        Mixer::new(48_000, Receiver::plain(2), production.prototypes.clone(), production.channel_lines()?)?;
     let mut no_log = |_: &_| -> Result<()> { Ok(()) };
     let summary = soundtrack::write(&mut mixer, 2, &extent, &output, &mut |_| {}, &mut no_log)?;
     let taken_s = begin.elapsed().as_secs_f64();

@@ -121,8 +121,9 @@ const RATE_HZ: f64 = 48_000.0;
 fn render(name: &str) -> Sound {
     let production = open(name);
     let lines = production.channel_lines().unwrap();
-    studio::render(&production.channel_header(), production.prototypes.clone(), lines, Take::at(48_000))
-        .unwrap()
+    let folder = &production.scene.folder;
+    let take = Take::at(48_000);
+    studio::render(&production.channel_header(), folder, production.prototypes.clone(), lines, take).unwrap()
 }
 
 /// The amplitude of the sine waves in a part of an object's stem, left, hertz by hertz.

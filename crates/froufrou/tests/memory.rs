@@ -15,6 +15,7 @@ use froufrou::render::production::{ChannelLines, open_score};
 use froufrou::score::{ChannelHeader, ChannelWriter, ObjectWriter};
 use froufrou::synth::mixer::Mixer;
 use froufrou::synth::prototypes::Soundings;
+use froufrou::synth::receivers::Receiver;
 use froufrou::synth::sinc;
 use studio::{Studio, noise};
 
@@ -67,7 +68,7 @@ fn scene(studio: &Studio, seconds: u32) -> String {
 fn render(header: &ChannelHeader, prototypes: Soundings, lines: ChannelLines<'_>) -> usize {
     let channels = header.receivers.len();
     let extent = Extent { rate_hz: 8_000, from_s: 0.0, to_s: None, duration_s: header.duration_s };
-    let mut mixer = Mixer::new(extent.rate_hz, channels, prototypes, lines).unwrap();
+    let mut mixer = Mixer::new(extent.rate_hz, Receiver::plain(channels), prototypes, lines).unwrap();
     let (mut begun, mut heard) = (0, 0);
     offline::render(&mut mixer, channels, &extent, true, |piece| {
         begun += piece.begun.len();

@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 
 use froufrou::score::{
     Action, AnyDocument, Arrival, Blow, ChannelLine, ChannelReader, ChannelSpace, ChannelWriter, Cue,
-    Document, Header, Held, Make, Microphone, MicrophoneKey, MicrophoneShape, Mode, ObjectLine, ObjectSpace,
-    Order, Pattern, Placement, Pose, Reader, Repeat, Sound, Space, Start, Statement, Verb, Whereabouts,
-    Writer, compare,
+    Document, Header, Held, Loudspeaker, Make, Microphone, MicrophoneKey, MicrophoneShape, Mode, ObjectLine,
+    ObjectSpace, Order, Output, Pattern, Pickup, Placement, Pose, Reader, Repeat, Sound, Space, Start,
+    Statement, Verb, Whereabouts, Writer, compare,
 };
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
@@ -200,11 +200,19 @@ fn mixed<V: Clone>(sketches: &[Sketch<V>], sounds: &[Sound], paths: bool) -> Vec
 }
 
 fn channel_score() -> impl Strategy<Value = Document<ChannelSpace>> {
-    names(3).prop_flat_map(|names| {
-        let arrival = (not_negative(), not_negative()).prop_map(|(gain, delay_s)| Arrival { gain, delay_s });
-        let value = prop::collection::vec(arrival, names.len()).boxed();
+    outputs().prop_flat_map(|outputs| {
+        let arrival = |output: &Output| {
+            let is_head = matches!(output, Output::Head { .. });
+            (coordinate(), not_negative(), prop::array::uniform3(coordinate())).prop_map(
+                move |(gain, delay_s, from_m)| Arrival {
+                    from_m: is_head.then_some(from_m),
+                    ..Arrival::new(gain, delay_s)
+                },
+            )
+        };
+        let value = outputs.iter().map(arrival).collect::<Vec<_>>().boxed();
         let sketches = prop::collection::vec(sketch(value), 0..5);
-        (header(names), sketches).prop_map(|(header, sketches)| {
+        (header(outputs), sketches).prop_map(|(header, sketches)| {
             let lines = mixed(&sketches, &header.sounds, true).into_iter().map(|line| match line {
                 Line::Statement(statement) => ChannelLine::Thread(statement),
                 Line::Cue(cue) => ChannelLine::Cue(cue),
@@ -214,14 +222,63 @@ fn channel_score() -> impl Strategy<Value = Document<ChannelSpace>> {
     })
 }
 
+/// Channels and heads, in any order.
+fn outputs() -> impl Strategy<Value = Vec<Output>> {
+    (names(4), any::<[bool; 4]>(), select(vec![None, Some("a \"head\".sofa".to_owned())])).prop_map(
+        |(names, heads, file)| {
+            let mut names = names.into_iter();
+            let mut outputs = Vec::new();
+            for is_head in heads {
+                let Some(name) = names.next() else { break };
+                match names.next() {
+                    Some(right) if is_head => {
+                        outputs.push(Output::Head { ears: [name, right], head: file.clone() });
+                    }
+                    other => outputs.extend([Some(name), other].into_iter().flatten().map(Output::Channel)),
+                }
+            }
+            outputs
+        },
+    )
+}
+
+/// What a microphone may pick up.
+fn pickup() -> impl Strategy<Value = Pickup> {
+    let number = || prop_oneof![select(vec![0.0, 1.0, -0.0]), not_negative()];
+    let loudspeakers = names(4).prop_flat_map(|names| {
+        let loudspeaker = |name: String| {
+            (Just(name), coordinate(), coordinate(), any::<bool>()).prop_map(
+                |(name, azimuth_deg, elevation_deg, is_lfe)| {
+                    let direction = if is_lfe { (0.0, 0.0) } else { (azimuth_deg, elevation_deg) };
+                    Loudspeaker { name, azimuth_deg: direction.0, elevation_deg: direction.1, is_lfe }
+                },
+            )
+        };
+        names.into_iter().map(loudspeaker).collect::<Vec<_>>()
+    });
+    prop_oneof![
+        3 => (number(), number()).prop_map(|(c, k)| Pickup::Shape(MicrophoneShape { c, k })),
+        1 => select(vec![None, Some("heads/a b.sofa".to_owned())]).prop_map(|head| Pickup::Binaural { head }),
+        1 => (1..=3usize).prop_map(|order| Pickup::Ambisonic { order }),
+        1 => loudspeakers.prop_map(Pickup::Loudspeakers),
+    ]
+}
+
+/// Up is where it is for one who stands, or anywhere.
+fn up() -> impl Strategy<Value = [f64; 3]> {
+    prop_oneof![Just([0.0, 1.0, 0.0]), Just([-0.0, 1.0, 0.0]), facing()]
+}
+
 fn microphones() -> impl Strategy<Value = Vec<Microphone>> {
     names(3).prop_flat_map(|names| {
-        let number = || prop_oneof![select(vec![0.0, 1.0, -0.0]), not_negative()];
         let microphone = |name: String| {
-            let pose = (prop::array::uniform3(coordinate()), facing());
-            let pose = pose.prop_map(|(position_m, facing)| Pose { position_m, facing });
-            (Just(name), number(), number(), prop::option::of(pose))
-                .prop_map(|(name, c, k, fixed)| Microphone { name, shape: MicrophoneShape { c, k }, fixed })
+            let pose = (prop::array::uniform3(coordinate()), facing(), up());
+            let pose = pose.prop_map(|(position_m, facing, up)| Pose { position_m, facing, up });
+            (Just(name), pickup(), prop::option::of(pose)).prop_map(|(name, pickup, fixed)| Microphone {
+                name,
+                pickup,
+                fixed,
+            })
         };
         names.into_iter().map(microphone).collect::<Vec<_>>()
     })
@@ -242,7 +299,8 @@ fn object_score() -> impl Strategy<Value = Document<ObjectSpace>> {
         });
         let value = value.boxed();
         let sketches = prop::collection::vec(sketch(value), 0..5);
-        let key = || (not_negative(), any::<bool>(), prop::array::uniform3(coordinate()), facing());
+        let pose = || (prop::array::uniform3(coordinate()), facing(), up());
+        let key = move || (not_negative(), any::<bool>(), pose());
         let keys = prop::collection::vec((key(), prop::collection::vec(key(), 0..4)), microphones.len());
         (header(microphones), sketches, keys).prop_map(|(header, sketches, keys)| {
             let (mut header, mut sketches) = (header, sketches);
@@ -271,17 +329,12 @@ fn object_score() -> impl Strategy<Value = Document<ObjectSpace>> {
             let mut lines = Vec::new();
             let moving = keys.into_iter().enumerate().filter(|&(m, _)| header.receivers[m].fixed.is_none());
             for (microphone, (first, mut others)) in moving {
-                let (_, _, position_m, facing) = first;
-                lines.push(MicrophoneKey {
-                    microphone,
-                    time_s: 0.0,
-                    pose: Pose { position_m, facing },
-                    cut: false,
-                });
+                let pose = |(position_m, facing, up)| Pose { position_m, facing, up };
+                lines.push(MicrophoneKey { microphone, time_s: 0.0, pose: pose(first.2), cut: false });
                 others.sort_by(|a, b| a.0.partial_cmp(&b.0).unwrap());
-                for (time_s, cut, position_m, facing) in others {
+                for (time_s, cut, place) in others {
                     let cut = cut || lines.last().is_some_and(|last| last.time_s == time_s);
-                    lines.push(MicrophoneKey { microphone, time_s, pose: Pose { position_m, facing }, cut });
+                    lines.push(MicrophoneKey { microphone, time_s, pose: pose(place), cut });
                 }
             }
             let threads = mixed(&sketches, &header.sounds, false).into_iter().map(|line| match line {
@@ -432,7 +485,7 @@ proptest! {
 fn long_score(lines: usize) -> Vec<u8> {
     let header = Header {
         sounds: vec![Sound::recording("hit", "hit.wav", Repeat::Once, None)],
-        ..Header::new(Order::Time, vec!["left".to_string(), "right".to_string()])
+        ..Header::new(Order::Time, ["left", "right"].map(|name| Output::Channel(name.into())).to_vec())
     };
     let start = Start {
         sound: "hit".into(),
@@ -446,7 +499,7 @@ fn long_score(lines: usize) -> Vec<u8> {
     for line in 0..lines {
         let time_s = line as f64 / 3.0;
         let verb = if line % 2 == 0 { Verb::Start(start.clone()) } else { Verb::End };
-        let value = vec![Arrival { gain: 0.5, delay_s: time_s.sin().abs() }; 2];
+        let value = vec![Arrival::new(0.5, time_s.sin().abs()); 2];
         let statement = Statement { thread: line as u64 / 2, path: 0, time_s, verb, value };
         writer.write(&ChannelLine::Thread(statement)).unwrap();
     }

@@ -2,9 +2,10 @@
 //! and every error message.
 
 use froufrou::score::{
-    Action, AnyDocument, AnyReader, AnySpace, Arrival, ChannelDocument, ChannelLine, ChannelReader,
-    ChannelWriter, Header, Make, Microphone, MicrophoneKey, MicrophoneShape, ObjectDocument, ObjectLine,
-    ObjectReader, ObjectWriter, Order, Placement, Pose, Repeat, Sound, Start, Statement, Verb,
+    Action, AnyDocument, AnyReader, AnySpace, Arrival, ChannelDocument, ChannelHeader, ChannelLine,
+    ChannelReader, ChannelWriter, Header, Make, Microphone, MicrophoneKey, MicrophoneShape, ObjectDocument,
+    ObjectLine, ObjectReader, ObjectWriter, Order, Output, Pickup, Placement, Pose, Repeat, Sound, Start,
+    Statement, Verb,
 };
 
 const DOCUMENTATION: &str = include_str!("../../../docs/score.md");
@@ -34,7 +35,11 @@ fn the_documentation_shows_one_score_in_each_space() {
     assert_eq!(object.header.sounds[0], Sound::recording("siren", "siren.wav", Repeat::ExactLoop, None));
     assert_eq!(
         object.header.receivers[1],
-        Microphone { name: "right".into(), shape: MicrophoneShape { c: 0.0, k: 1.0 }, fixed: None }
+        Microphone {
+            name: "right".into(),
+            pickup: Pickup::Shape(MicrophoneShape { c: 0.0, k: 1.0 }),
+            fixed: None
+        }
     );
     assert_eq!(object.lines.len(), 9);
     assert_eq!(
@@ -59,7 +64,7 @@ fn the_documentation_shows_one_score_in_each_space() {
         ObjectLine::Microphone(MicrophoneKey {
             microphone: 0,
             time_s: 2.0,
-            pose: Pose { position_m: [3.0, 1.6, 0.0], facing: [1.0, 0.0, 0.0] },
+            pose: Pose::upright([3.0, 1.6, 0.0], [1.0, 0.0, 0.0]),
             cut: true,
         })
     );
@@ -67,10 +72,10 @@ fn the_documentation_shows_one_score_in_each_space() {
     let AnySpace::Channel(channel) = AnyDocument::read(channel.as_bytes()).unwrap() else {
         panic!("the second example is in channel space")
     };
-    assert_eq!(channel.header.receivers, ["left", "right"]);
+    assert_eq!(channel.header.channels(), ["left", "right"]);
     let said = |index: usize| channel.lines[index].line.statement().unwrap().clone();
     assert_eq!(said(2).verb, Verb::Key);
-    let as_before = vec![Arrival { gain: 0.2, delay_s: 0.09 }, Arrival { gain: 0.22, delay_s: 0.089 }];
+    let as_before = vec![Arrival::new(0.2, 0.09), Arrival::new(0.22, 0.089)];
     assert_eq!(said(2).value, as_before);
     let Verb::Start(start) = said(4).verb else { panic!("thread 2 starts") };
     assert_eq!((start.speed, start.offset_s), (2.0, 0.01));
@@ -396,12 +401,15 @@ fn errors_of_the_header() {
         ("microphone a\nmicrophone a\n", "3:12: the microphone `a` is declared twice"),
         (
             "microphone a cardiod\n",
-            "2:14: unknown microphone shape `cardiod`, expected `omni`, `cardioid` or `shape C K` (did you mean `cardioid`?)",
+            "2:14: unknown microphone shape `cardiod`, expected `omni`, `cardioid`, `shape C K`, `binaural`, `ambisonic ORDER` or `loudspeakers` (did you mean `cardioid`?)",
         ),
         ("microphone a shape 0\n", "2:21: expected the shape's k, found the end of the line"),
         ("microphone a shape -1 0\n", "2:20: the shape's c is -1, but it must not be negative"),
         ("microphone a shape 0 NaN\n", "2:22: the shape's k is NaN, but it must be a finite number"),
-        ("microphone a omni 3\n", "2:19: unknown word `3`, expected `at X Y Z` or `facing X Y Z`"),
+        (
+            "microphone a omni 3\n",
+            "2:19: unknown word `3`, expected `at X Y Z`, `facing X Y Z` or `up X Y Z`",
+        ),
         ("duration 3\n", "2: the score declares no microphone (add a line such as `microphone main omni`)"),
     ] {
         assert_eq!(header_error(lines), message);
@@ -525,7 +533,7 @@ fn errors_of_microphones() {
         ),
         (
             "hear left 1 facign 0 0 1\n",
-            "6:13: unknown word `facign`, expected `at X Y Z` or `facing X Y Z` (did you mean `facing`?)",
+            "6:13: unknown word `facign`, expected `at X Y Z`, `facing X Y Z` or `up X Y Z` (did you mean `facing`?)",
         ),
         (
             "hear left 1\nhear left 0.5\n",
@@ -659,13 +667,13 @@ fn a_reader_stops_at_its_first_error() {
     assert!(reader.next().is_none());
 }
 
-fn channel_header() -> Header<String> {
+fn channel_header() -> ChannelHeader {
     let sounds = vec![Sound::recording("s", "s.wav", Repeat::Loop, None)];
-    Header { sounds, ..Header::new(Order::Free, vec!["m".into()]) }
+    Header { sounds, ..Header::new(Order::Free, vec![Output::Channel("m".into())]) }
 }
 
 fn line(verb: Verb, time_s: f64, gain: f64) -> ChannelLine {
-    let value = vec![Arrival { gain, delay_s: 0.0 }];
+    let value = vec![Arrival::new(gain, 0.0)];
     ChannelLine::Thread(Statement { thread: 1, path: 0, time_s, verb, value })
 }
 
@@ -690,7 +698,7 @@ fn a_writer_refuses_what_could_not_be_read() {
     assert!(write(&[line(start("s"), 0.0, 1.0), line(Verb::End, 1.0, 1.0)]).is_ok());
     let mut two = line(start("s"), 0.0, 1.0);
     let ChannelLine::Thread(statement) = &mut two else { panic!() };
-    statement.value.push(Arrival { gain: 1.0, delay_s: 0.0 });
+    statement.value.push(Arrival::new(1.0, 0.0));
     let mut wordy = line(start("s"), 0.0, 1.0);
     let ChannelLine::Thread(statement) = &mut wordy else { panic!() };
     if let Verb::Start(start) = &mut statement.verb {
@@ -719,13 +727,16 @@ fn a_writer_refuses_what_could_not_be_read() {
         assert_eq!(write(&lines).unwrap_err().to_string(), message);
     }
 
-    let refused = |change: fn(&mut Header<String>)| {
+    let refused = |change: fn(&mut ChannelHeader)| {
         let mut header = channel_header();
         change(&mut header);
         ChannelWriter::new(Vec::new(), &header).err().unwrap().to_string()
     };
     assert!(refused(|header| header.receivers.clear()).starts_with("the score declares no channel"));
-    assert_eq!(refused(|header| header.receivers.push("m".into())), "the channel `m` is declared twice");
+    assert_eq!(
+        refused(|header| header.receivers.push(Output::Channel("m".into()))),
+        "the channel `m` is declared twice"
+    );
     assert_eq!(refused(|header| header.sounds[0].name.clear()), "the sound has an empty name");
     assert_eq!(
         refused(|header| header.files_mut().for_each(String::clear)),
@@ -745,7 +756,7 @@ fn a_writer_refuses_what_could_not_be_read() {
     let key = MicrophoneKey {
         microphone: 2,
         time_s: 0.0,
-        pose: Pose { position_m: [0.0; 3], facing: [0.0, 0.0, 1.0] },
+        pose: Pose::upright([0.0; 3], [0.0, 0.0, 1.0]),
         cut: false,
     };
     let error = writer.write(&ObjectLine::Microphone(key)).unwrap_err();
@@ -805,7 +816,7 @@ fn a_microphone_that_stands_still_needs_no_lines_and_takes_none() {
     let text = "froufrou-score 1 object\norder time\nspeed-of-sound 343\nmicrophone m cardioid at 0 1.6 0 facing 1 0 0 # by the door\n\
                 sound s \"s.wav\"\nstart 1 0 s at 1 0 0 gain 1\nend 1 1 at 1 0 0 gain 1\n";
     let document = ObjectDocument::read(text.as_bytes()).unwrap();
-    let pose = Pose { position_m: [0.0, 1.6, 0.0], facing: [1.0, 0.0, 0.0] };
+    let pose = Pose::upright([0.0, 1.6, 0.0], [1.0, 0.0, 0.0]);
     assert_eq!(document.header.receivers[0].fixed, Some(pose));
     assert_eq!(document.to_text().unwrap(), text);
 
@@ -926,4 +937,94 @@ fn faults_of_synthesised_sounds_and_paths_name_their_word() {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Everything that microphones of several channels may say, as it is written.
+const PICKUPS: [&str; 2] = [
+    r#"froufrou-score 1 object
+order time
+speed-of-sound 343
+duration 2
+microphone ears binaural
+microphone camera binaural "heads/a b.sofa" at 0 1.6 0 facing 0 0 -1
+microphone field ambisonic 3 at 0 0 0 facing 1 0 0 up 0 0 1
+microphone room loudspeakers "left" 30 0 "right" -30 0 "top" 0 90 "lfe" lfe at 1 2 3 facing 0 0 -1
+sound siren "siren.wav" loop
+hear ears 0 at 0 0 0 facing 0 0 -1
+start 1 0 siren at 1 2 3 gain 1
+hear ears 1 at 0 0 0 facing 0 0 -1 up 1 0 0
+hear ears 1.5 at 0 0 0 facing 0 0 -1
+end 1 2 at 1 2 3 gain 1
+"#,
+    r#"froufrou-score 1 channel
+order time
+speed-of-sound 343
+duration 2
+channels lfe # to be filled by hand
+head left right "kemar.sofa" # whose head
+head l r
+channels spare "spare 2"
+sound siren "siren.wav" loop
+start 1 0 siren 0 0.1 0.5 0.1 1 0 -3.5 -0.25 0.2 0 0 0 1 0 -1 0
+end 1 1 0 0.1 0.5 0.1 2 0 -3.5 -0.25 0.2 0 1e-7 0 1 0 -1 0
+"#,
+];
+
+#[test]
+fn pickups_and_heads_read_and_write() {
+    for text in PICKUPS {
+        assert_eq!(canonical(text), text);
+    }
+    let score = ObjectDocument::read(PICKUPS[0].as_bytes()).unwrap();
+    let [ears, camera, field, room] = &score.header.receivers[..] else { panic!() };
+    assert_eq!(ears.pickup, Pickup::Binaural { head: None });
+    assert_eq!(camera.pickup, Pickup::Binaural { head: Some("heads/a b.sofa".into()) });
+    assert_eq!(field.fixed.unwrap().up, [0.0, 0.0, 1.0]);
+    assert_eq!(field.pickup.channels().join(" "), "W Y Z X V T R S U Q O M K L N P");
+    assert_eq!(room.pickup.channels(), ["left", "right", "top", "lfe"]);
+    let ups = score.lines.iter().filter_map(|noted| match &noted.line {
+        ObjectLine::Microphone(key) => Some(key.pose.up[0]),
+        _ => None,
+    });
+    assert_eq!(ups.collect::<Vec<_>>(), [0.0, 1.0, 0.0], "what is not said is upright, whatever was before");
+    let score = ChannelDocument::read(PICKUPS[1].as_bytes()).unwrap();
+    assert_eq!(score.header.channels(), ["lfe", "left", "right", "l", "r", "spare", "spare 2"]);
+    let ChannelLine::Thread(start) = &score.lines[0].line else { panic!() };
+    let from = |index: usize| start.value[index].from_m;
+    assert_eq!((from(0), from(1), from(4)), (None, Some([1.0, 0.0, -3.5]), None));
+    assert_eq!((start.value[2].gain, start.value[4].gain), (-0.25, -1.0));
+}
+
+#[test]
+fn faults_of_pickups_and_heads_name_their_word() {
+    let mut wrongly_told = Vec::new();
+    for (text, from, to, expected) in [
+        (PICKUPS[0], "ambisonic 3", "ambisonic 4", "7:28: expected an order from 1 to 3, found 4"),
+        (PICKUPS[0], "\"right\" -30 0", "\"left\" -30 0", "8:42: there are two loudspeakers `left`"),
+        (PICKUPS[0], "\"lfe\" lfe", "\"lfe\" low", "8:73: unknown word `low`"),
+        (
+            PICKUPS[0],
+            " \"left\" 30 0 \"right\" -30 0 \"top\" 0 90 \"lfe\" lfe",
+            "",
+            "8:17: there are no loudspeakers",
+        ),
+        (PICKUPS[0], "up 1 0 0", "up 0 0 0", "12:43: the upward direction 0 0 0 has no usable length"),
+        (
+            PICKUPS[0],
+            "microphone ears binaural",
+            "head ears binaural",
+            "5:1: `head` belongs into a score in channel space",
+        ),
+        (PICKUPS[1], "0.1 2 0 -3.5", "0.1 2 0", "11:"),
+        (PICKUPS[1], "0 1 0 -1 0\n", "0 1 0\n", "10:59: expected 5 groups of numbers"),
+        (PICKUPS[1], "head l r", "head l", "7:"),
+        (PICKUPS[1], "head l r", "head l left", "7:8: the channel `left` is declared twice"),
+        (PICKUPS[1], "channels spare", "channels a\nchannels spare", "9:1: `channels` is given twice"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        let wrong = text.replacen(from, to, 1);
+        let error = AnyDocument::read(wrong.as_bytes()).unwrap_err().to_string();
+        wrongly_told.extend((!error.starts_with(expected)).then(|| format!("{to}: {error}")));
+    }
+    assert!(wrongly_told.is_empty(), "{wrongly_told:#?}");
 }

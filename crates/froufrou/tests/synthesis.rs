@@ -9,6 +9,7 @@ use froufrou::score::{
     Action, AnyReader, AnySpace, ChannelLine, ChannelWriter, ObjectLine, ObjectWriter, Statement, Verb,
 };
 use froufrou::synth::mixer::Mixer;
+use froufrou::synth::receivers::Receiver;
 use studio::{Sound, Studio, Take};
 
 const RATE_HZ: u32 = 48_000;
@@ -299,8 +300,9 @@ fn a_wall_reflects_by_the_image_source() {
 
 fn render(studio: &Studio, score: &str, keeps_going: bool) -> (froufrou::Result<Vec<f32>>, u64, Vec<Error>) {
     let (header, soundings, lines) = open_score(&studio.file("test.score", score)).unwrap();
-    let mut mixer =
-        Mixer::new(RATE_HZ, header.receivers.len(), soundings, lines).unwrap().keeping_going(keeps_going);
+    let mut mixer = Mixer::new(RATE_HZ, Receiver::plain(header.receivers.len()), soundings, lines)
+        .unwrap()
+        .keeping_going(keeps_going);
     let extent = Extent { rate_hz: RATE_HZ, from_s: 0.0, to_s: None, duration_s: header.duration_s };
     let mut mix = Vec::new();
     let done = offline::render(&mut mixer, header.receivers.len(), &extent, false, |piece| {

@@ -5,6 +5,7 @@ mod animation;
 mod contact_log;
 mod events;
 mod gltf;
+mod head;
 mod recording;
 mod scene;
 mod score;
@@ -23,9 +24,9 @@ use crate::file_kind::FileKind;
 
 /// What is read.
 const READABLE: &str = "scenes (.toml), animations (.abc, .usd, .usda, .usdc, .usdz, .gltf, .glb, .pc2, .mdd, \
-                        .obj), audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), scores, events (.jsonl) and contact logs (.csv, .csv.gz)";
+                        .obj), audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), heads (.sofa), scores, events (.jsonl) and contact logs (.csv, .csv.gz)";
 
-/// Tells what is in a file: a scene, an animation, audio, a score, events or a contact log.
+/// Tells what is in a file: a scene, an animation, audio, a head, a score, events or a contact log.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -86,6 +87,7 @@ impl Info {
             FileKind::Scene => self.tell(&scene::read(file, self.allow_outside)?),
             FileKind::Animation(format) => self.tell(&animation::read(file, format)?),
             FileKind::Recording(format) => self.tell(&recording::read(file, format)?),
+            FileKind::Head => self.tell(&head::read(file)?),
             FileKind::Score => self.tell(&score::read(file)?),
             FileKind::Events => self.tell(&events::read(file)?),
             FileKind::ContactLog => self.tell(&contact_log::read(file)?),

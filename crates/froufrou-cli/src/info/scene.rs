@@ -12,7 +12,7 @@ use froufrou::score::Repeat;
 use serde::Serialize;
 
 use super::Findings;
-use super::score::shape;
+use super::score::pickup;
 use super::sheet::{Sheet, number, position};
 
 #[derive(Serialize)]
@@ -35,8 +35,7 @@ pub struct SceneFindings {
 #[derive(Serialize)]
 struct MicrophoneFindings {
     name: String,
-    c: f64,
-    k: f64,
+    hears: String,
     carried_by: String,
 }
 
@@ -166,8 +165,7 @@ pub fn read(file: &Path, allow_outside: bool) -> Result<SceneFindings> {
             .iter()
             .map(|microphone| MicrophoneFindings {
                 name: microphone.name.clone(),
-                c: microphone.shape.c,
-                k: microphone.shape.k,
+                hears: pickup(&microphone.pickup),
                 carried_by: carrier(&microphone.motion),
             })
             .collect(),
@@ -224,8 +222,8 @@ impl Findings for SceneFindings {
             .fact("motion", format!("until {} s", number(self.motion_end_s)))
             .fact("speed of sound", format!("{} m/s", number(self.speed_of_sound_mps)));
         sheet.table(
-            &["microphone", "shape", "carried by"],
-            self.microphones.iter().map(|m| vec![m.name.clone(), shape(m.c, m.k), m.carried_by.clone()]),
+            &["microphone", "hears", "carried by"],
+            self.microphones.iter().map(|m| vec![m.name.clone(), m.hears.clone(), m.carried_by.clone()]),
         );
         let or_dash = |text: &Option<String>| text.clone().unwrap_or_else(|| "–".to_owned());
         sheet.table(

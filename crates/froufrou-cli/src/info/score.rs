@@ -6,7 +6,7 @@ use std::path::Path;
 
 use froufrou::Result;
 use froufrou::score::{
-    AnyReader, AnySpace, Arrival, ChannelLine, Make, ObjectLine, Order, Reader, Repeat, Space, Start,
+    AnyReader, AnySpace, Arrival, ChannelLine, Make, ObjectLine, Order, Pickup, Reader, Repeat, Space, Start,
     Statement, Verb,
 };
 use serde::Serialize;
@@ -39,8 +39,8 @@ pub struct ScoreFindings {
 #[derive(Serialize)]
 struct Receiver {
     name: String,
-    c: f64,
-    k: f64,
+    /// What it picks up.
+    hears: String,
     /// Where it stands, if it never moves.
     position_m: Option<[f64; 3]>,
 }
@@ -70,8 +70,7 @@ pub fn read(file: &Path) -> Result<ScoreFindings> {
         AnySpace::Object(reader) => {
             let receivers = reader.header().receivers.iter().map(|microphone| Receiver {
                 name: microphone.name.clone(),
-                c: microphone.shape.c,
-                k: microphone.shape.k,
+                hears: pickup(&microphone.pickup),
                 position_m: microphone.fixed.map(|pose| pose.position_m),
             });
             let microphones = receivers.collect();
@@ -85,10 +84,10 @@ pub fn read(file: &Path) -> Result<ScoreFindings> {
             Ok(ScoreFindings { microphones, ..found })
         }
         AnySpace::Channel(reader) => {
-            let channels = reader.header().receivers.clone();
+            let channels = reader.header().channels();
             let found = count(reader, |line| match line {
                 ChannelLine::Thread(line) => {
-                    let gains = line.value.iter().map(|Arrival { gain, .. }| *gain).collect();
+                    let gains = line.value.iter().map(|Arrival { gain, .. }| gain.abs()).collect();
                     (line.time_s, Said::Thread(line.verb, gains))
                 }
                 ChannelLine::Cue(cue) => (cue.time_s, Said::Cue),
@@ -211,9 +210,9 @@ impl Findings for ScoreFindings {
         }
         let microphones = self.microphones.iter().map(|microphone| {
             let place = microphone.position_m.map_or_else(|| "as its lines say".to_owned(), position);
-            vec![microphone.name.clone(), shape(microphone.c, microphone.k), place]
+            vec![microphone.name.clone(), microphone.hears.clone(), place]
         });
-        sheet.table(&["microphone", "shape", "position (m)"], microphones);
+        sheet.table(&["microphone", "hears", "position (m)"], microphones);
         let sounds = self.sounds.iter().map(|sound| {
             let channel = sound.channel.map(|channel| format!("channel {channel}"));
             let with = sound.with.iter().map(|(name, value)| format!("{name} {}", number(*value)));
@@ -235,11 +234,17 @@ impl Findings for ScoreFindings {
     }
 }
 
-/// The shape of a microphone in the words of the score.
-pub fn shape(c: f64, k: f64) -> String {
-    match (c, k) {
-        (_, 0.0) => "omni".to_owned(),
-        (0.0, 1.0) => "cardioid".to_owned(),
-        _ => format!("shape {} {}", number(c), number(k)),
+/// What a microphone picks up, in the words of the score.
+pub fn pickup(pickup: &Pickup) -> String {
+    match pickup {
+        Pickup::Shape(shape) => match (shape.c, shape.k) {
+            (_, 0.0) => "omni".to_owned(),
+            (0.0, 1.0) => "cardioid".to_owned(),
+            (c, k) => format!("shape {} {}", number(c), number(k)),
+        },
+        Pickup::Binaural { head: None } => "binaural".to_owned(),
+        Pickup::Binaural { head: Some(head) } => format!("binaural {head}"),
+        Pickup::Ambisonic { order } => format!("ambisonic {order}"),
+        Pickup::Loudspeakers(all) => format!("{} loudspeakers", all.len()),
     }
 }

@@ -106,10 +106,11 @@ impl Plot {
             }
             FileKind::Events => events::draw(&self.file, &title, asked, size)?,
             FileKind::Score => score::draw(&self.file, &title, asked, size)?,
-            FileKind::Scene | FileKind::Animation(_) | FileKind::ContactLog => {
+            FileKind::Scene | FileKind::Animation(_) | FileKind::Head | FileKind::ContactLog => {
                 let what = match kind {
                     FileKind::Scene => "a scene",
                     FileKind::Animation(_) => "an animation",
+                    FileKind::Head => "a head",
                     _ => "a contact log",
                 };
                 return Err(Error::new(format!("{what} cannot be drawn"))

@@ -84,7 +84,7 @@ impl Production {
     /// As [`Production::object_lines`].
     pub fn channel_lines(&self) -> Result<ChannelLines<'_>> {
         let tracing = Tracing::of(&self.scene, &self.world)?;
-        Ok(Box::new(Propagation::new(&self.header, self.object_lines()?).among(tracing)))
+        Ok(Box::new(Propagation::new(&self.header, self.object_lines()?)?.among(tracing)))
     }
 
     /// The header of its score in channel space.
@@ -168,7 +168,7 @@ pub fn open_score(path: &Path) -> Result<(ChannelHeader, Soundings, ChannelLines
                 }
                 None => None,
             };
-            let lines = Propagation::new(&header, lines).among(tracing);
+            let lines = Propagation::new(&header, lines)?.among(tracing);
             Ok((channel_header(&header), prototypes, Box::new(lines)))
         }
         AnySpace::Channel(reader) => {

@@ -6,7 +6,7 @@
 
 use std::path::PathBuf;
 
-use crate::score::{Blow, Make, MicrophoneShape, Repeat};
+use crate::score::{Blow, Make, Pickup, Repeat};
 use crate::{Error, Result};
 
 use super::asset::{Asset, NamePattern};
@@ -37,7 +37,7 @@ pub struct Scene {
     pub frame_rate_hz: f64,
     /// Who listens, if that is a listener and not microphones of their own.
     pub listener: Option<Listener>,
-    /// Its microphones, or those of the scene: one output channel each, in order; at least one.
+    /// Its microphones, or those of the scene, in the order of their channels; at least one.
     pub microphones: Vec<Microphone>,
     /// The wind that blows through all of it.
     pub wind: Option<Wind>,
@@ -78,10 +78,10 @@ pub struct Source {
 /// A microphone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Microphone {
-    /// Its name and that of its output channel, unlike all others.
+    /// Its name, unlike all others.
     pub name: String,
-    /// What it hears from which side.
-    pub shape: MicrophoneShape,
+    /// What it picks up.
+    pub pickup: Pickup,
     /// What carries it. Of a hand-set track the carrier's frame is [`Track::frame`].
     pub motion: Motion,
     /// Where it sits in the local frame of what carries it, in metres.
@@ -370,7 +370,7 @@ impl Scene {
                 .in_file(&self.file)
                 .help("leave the layout out, or give the scene a `[listener]` instead"));
         };
-        listener.layout = layout;
+        listener.set_layout(layout).map_err(|fault| fault.in_file(&self.file))?;
         self.microphones = listener.microphones();
         Ok(())
     }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use crate::score::MicrophoneShape;
+use crate::score::{Loudspeaker, MicrophoneShape, Pickup};
 use crate::{Error, Place, Result};
 
 use super::asset::{Asset, Folder, NamePattern};
@@ -50,7 +50,9 @@ const LISTENER: Keys = &[
     "offset",
     "layout",
     "spacing",
+    "head",
 ];
+const LOUDSPEAKER: Keys = &["name", "azimuth", "elevation", "lfe"];
 const MICROPHONE: Keys = &[
     "name",
     "shape",
@@ -109,6 +111,7 @@ const COLUMNS: Keys = &[
 pub(crate) const ALL_KEYS: &[(&str, Keys)] = &[
     ("The scene", SCENE),
     ("`[listener]`", LISTENER),
+    ("A loudspeaker of `layout`", LOUDSPEAKER),
     ("`[[microphone]]`", MICROPHONE),
     ("`shape` of a microphone", SHAPE),
     ("A key of a listener's or microphone's `track`", LISTENER_KEY),
@@ -303,18 +306,60 @@ fn listener(top: &Table<'_, '_>, folder: &Folder) -> Result<Option<Listener>> {
             local_facing: AHEAD,
             layout: Layout::default(),
             spacing_m: 0.0,
+            head: None,
         }));
     };
     let (motion, local_facing) = carrier(&table, folder)?;
     let local_offset_m = offset(&table)?;
-    let names = Layout::ALL.map(Layout::name);
-    let layout = table.get("layout").map(|node| node.choice(&names)).transpose()?;
-    let layout = layout.map_or(Layout::default(), |index| Layout::ALL[index]);
+    let layout = table.get("layout").map_or(Ok(Layout::default()), |node| layout(&node))?;
     let spacing_m = table.get("spacing").map_or(Ok(0.0), |node| match layout {
-        Layout::Mono => Err(node.error("a mono listener has no `spacing`")),
         Layout::Stereo => node.not_negative("a number of metres"),
+        _ => Err(node.error("`spacing` is for a listener whose layout is `stereo`")),
     })?;
-    Ok(Some(Listener { motion, local_offset_m, local_facing, layout, spacing_m }))
+    let head = match table.get("head") {
+        None => None,
+        Some(node) if layout == Layout::Binaural => {
+            Some(with_place(&node, folder.file(&node.text("the file of a head")?))?)
+        }
+        Some(node) => return Err(node.error("`head` is for a listener whose layout is `binaural`")),
+    };
+    Ok(Some(Listener { motion, local_offset_m, local_facing, layout, spacing_m, head }))
+}
+
+/// How a listener hears: the name of a layout, or loudspeakers.
+fn layout(node: &Node<'_, '_>) -> Result<Layout> {
+    if !node.is_list() {
+        let names: Vec<&str> = Layout::names().collect();
+        return Ok(Layout::named(names[node.choice(&names)?]).unwrap_or_default());
+    }
+    let mut all: Vec<Loudspeaker> = Vec::new();
+    for node in node.list("a name or a list of loudspeakers")? {
+        let table = node.table(LOUDSPEAKER)?;
+        let name_node = table.required("name", "a name for the output channel")?;
+        let name = name_node.text("a name")?;
+        if all.iter().any(|other| other.name == name) {
+            return Err(name_node.error(format!("there is another loudspeaker {name:?}")));
+        }
+        let is_lfe = table
+            .get("lfe")
+            .map_or(Ok(false), |node| node.as_flag().ok_or_else(|| node.expected("`true` or `false`")))?;
+        if is_lfe && let Some(node) = table.get("azimuth").or(table.get("elevation")) {
+            return Err(
+                node.error("low effects come from nowhere: a loudspeaker that is `lfe` has no direction")
+            );
+        }
+        let azimuth_deg = match table.get("azimuth") {
+            Some(node) => node.within("degrees to the left", -360.0, 360.0)?,
+            None if is_lfe => 0.0,
+            None => table.required("azimuth", "degrees to the left")?.number("degrees to the left")?,
+        };
+        let elevation_deg =
+            table.get("elevation").map_or(Ok(0.0), |node| node.within("degrees upwards", -90.0, 90.0))?;
+        all.push(Loudspeaker { name, azimuth_deg, elevation_deg, is_lfe });
+    }
+    let layout = Layout::Loudspeakers(all);
+    layout.check().map_err(|fault| node.error(fault.to_string()))?;
+    Ok(layout)
 }
 
 fn microphones(top: &Table<'_, '_>, folder: &Folder) -> Result<Vec<Microphone>> {
@@ -338,7 +383,7 @@ fn microphones(top: &Table<'_, '_>, folder: &Folder) -> Result<Vec<Microphone>> 
         let (motion, local_facing) = carrier(&table, folder)?;
         microphones.push(Microphone {
             name,
-            shape: table.get("shape").map_or(Ok(OMNI), |node| shape(&node))?,
+            pickup: Pickup::Shape(table.get("shape").map_or(Ok(OMNI), |node| shape(&node))?),
             motion,
             local_offset_m: offset(&table)?,
             local_facing,

@@ -13,7 +13,7 @@ use super::format::AnimationFormat;
 use super::gltf::Gltf;
 use super::obj::Obj;
 use super::point_cache::PointCache;
-use super::track::{Interpolation, Track};
+use super::track::{Interpolation, Track, facing_frame};
 use super::wander::Wander;
 use super::wind::WindField;
 use crate::random::Random;
@@ -367,6 +367,8 @@ pub struct Ear {
     carrier: Carrier,
     offset_m: [f64; 3],
     facing: [f64; 3],
+    /// The direction that is up for it, where that matters.
+    up: Option<[f64; 3]>,
 }
 
 impl Ear {
@@ -377,20 +379,38 @@ impl Ear {
     pub fn pose(&self, time_s: f64) -> Result<Pose> {
         let frame = self.carrier.frame(time_s)?;
         let position_m = into_world(&frame, self.offset_m);
-        let facing: [f64; 3] = std::array::from_fn(|i| (0..3).map(|k| frame[i][k] * self.facing[k]).sum());
-        let length = facing.iter().map(|c| c * c).sum::<f64>().sqrt();
-        if !position_m.iter().all(|c| c.is_finite()) || !length.is_finite() || length == 0.0 {
-            return Err(self.carrier.fault(format!("is at no place to hear from at {time_s} s")));
+        let turned = |local: [f64; 3]| {
+            let world: [f64; 3] = std::array::from_fn(|i| (0..3).map(|k| frame[i][k] * local[k]).sum());
+            let length = world.iter().map(|c| c * c).sum::<f64>().sqrt();
+            (length.is_finite() && length > 0.0).then(|| world.map(|c| c / length))
+        };
+        let nowhere = || self.carrier.fault(format!("is at no place to hear from at {time_s} s"));
+        let facing = turned(self.facing).ok_or_else(nowhere)?;
+        if !position_m.iter().all(|c| c.is_finite()) {
+            return Err(nowhere());
         }
+        let up = self.up.map(|up| turned(up).ok_or_else(nowhere)).transpose()?;
         // Rounded far below what is heard, so that a score is good to read.
         let tidy = |c: f64| (c * 1e9).round() / 1e9 + 0.0;
-        Ok(Pose { position_m: position_m.map(tidy), facing: facing.map(|c| tidy(c / length)) })
+        let level = Pose::upright(position_m.map(tidy), facing.map(tidy));
+        Ok(match up {
+            Some(up) if !is_upright(facing, up) => Pose { up: up.map(tidy), ..level },
+            _ => level,
+        })
     }
 
     /// What carries it.
     pub fn carrier(&self) -> &Carrier {
         &self.carrier
     }
+}
+
+/// True where a head that faces a direction and holds itself upright has this direction up, and is far from
+/// looking straight up or down. Both are unit vectors.
+fn is_upright(facing: [f64; 3], up: [f64; 3]) -> bool {
+    let frame = facing_frame([0.0; 3], facing);
+    let along: f64 = (0..3).map(|row| frame[row][1] * up[row]).sum();
+    facing[1].abs() < 0.99 && along > 1.0 - 1e-12
 }
 
 /// A scene with its animations opened.
@@ -597,7 +617,12 @@ impl Files {
                 Carrier { way, point, origin_s, frame_rate_hz }
             }
         };
-        Ok(Ear { carrier, offset_m: microphone.local_offset_m, facing: microphone.local_facing })
+        let facing = microphone.local_facing;
+        let up = microphone.pickup.is_turned().then(|| {
+            let frame = facing_frame([0.0; 3], facing);
+            [frame[0][1], frame[1][1], frame[2][1]]
+        });
+        Ok(Ear { carrier, offset_m: microphone.local_offset_m, facing, up })
     }
 }
 
@@ -625,7 +650,7 @@ fn into_local(frame: &Transform, position: [f64; 3]) -> Option<[f64; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::track::{TrackKey, facing_frame};
+    use crate::scene::track::TrackKey;
 
     fn key(time_s: f64, x: f64) -> TrackKey {
         TrackKey { time_s, position_m: [x, 0.0, 0.0], facing: [1.0, 0.0, 0.0] }

@@ -26,7 +26,7 @@ pub enum AnySpace<O, C> {
 ///
 /// let text = "froufrou-score 1 channel\nchannels left right\n";
 /// match AnyReader::new(text.as_bytes())? {
-///     AnySpace::Channel(reader) => assert_eq!(reader.header().receivers, ["left", "right"]),
+///     AnySpace::Channel(reader) => assert_eq!(reader.header().channels(), ["left", "right"]),
 ///     AnySpace::Object(_) => unreachable!("the first line says otherwise"),
 /// }
 /// # Ok::<(), froufrou::Error>(())

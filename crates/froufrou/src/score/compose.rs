@@ -52,7 +52,8 @@ pub fn header(scene: &Scene, world: &World) -> Result<ObjectHeader> {
     for (microphone, ear) in scene.microphones.iter().zip(&world.ears) {
         let moves = ear.carrier().next_key_s(f64::MIN).is_some();
         let fixed = if moves { None } else { Some(ear.pose(0.0)?) };
-        receivers.push(Microphone { name: microphone.name.clone(), shape: microphone.shape, fixed });
+        let (name, pickup) = (microphone.name.clone(), microphone.pickup.clone());
+        receivers.push(Microphone { name, pickup, fixed });
     }
     let mut patterns: Vec<Pattern> = Vec::new();
     for harmonics in scene.sounds.iter().filter_map(|sound| sound.pattern.as_ref()) {

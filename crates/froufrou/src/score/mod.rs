@@ -41,6 +41,8 @@ pub use write::{ChannelWriter, ObjectWriter, Writer};
 pub mod compose;
 pub mod ending;
 
+use crate::space::ambisonic::{self, CHANNEL_NAMES};
+
 /// The latest time, in seconds, that is mixed: some thirty years. A double still tells samples apart
 /// there.
 pub const LATEST_S: f64 = 1e9;
@@ -205,8 +207,8 @@ pub struct Header<R> {
     pub order: Order,
     /// What the threads play.
     pub sounds: Vec<Sound>,
-    /// Who receives: microphones in object space, channel names in channel space; one output
-    /// channel each, in order.
+    /// Who receives: microphones in object space, outputs in channel space, of one channel or more each, in
+    /// order.
     pub receivers: Vec<R>,
 }
 
@@ -226,9 +228,44 @@ impl<R> Header<R> {
     }
 
     /// The paths of all files that the score needs.
-    pub fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
+    pub fn files_mut(&mut self) -> impl Iterator<Item = &mut String>
+    where
+        R: Receives,
+    {
         let sounds = self.sounds.iter_mut().filter_map(|sound| sound.make.file_mut());
-        sounds.chain(self.surroundings.as_mut())
+        let heads = self.receivers.iter_mut().filter_map(Receives::head_mut);
+        sounds.chain(self.surroundings.as_mut()).chain(heads)
+    }
+}
+
+impl Header<Output> {
+    /// The names of the channels of the soundtrack.
+    pub fn channels(&self) -> Vec<String> {
+        self.receivers.iter().flat_map(Output::channels).cloned().collect()
+    }
+}
+
+/// Who receives in either space.
+pub trait Receives {
+    /// The path of the file of its head, if it has one.
+    fn head_mut(&mut self) -> Option<&mut String>;
+}
+
+impl Receives for Microphone {
+    fn head_mut(&mut self) -> Option<&mut String> {
+        match &mut self.pickup {
+            Pickup::Binaural { head } => head.as_mut(),
+            _ => None,
+        }
+    }
+}
+
+impl Receives for Output {
+    fn head_mut(&mut self) -> Option<&mut String> {
+        match self {
+            Output::Head { head, .. } => head.as_mut(),
+            Output::Channel(_) => None,
+        }
     }
 }
 
@@ -268,12 +305,66 @@ pub struct MicrophoneShape {
 /// `hear` lines say.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Microphone {
-    /// The name that `hear` lines use and that the output channel bears.
+    /// The name that `hear` lines use.
     pub name: String,
-    /// What it hears from which side.
-    pub shape: MicrophoneShape,
+    /// What it picks up.
+    pub pickup: Pickup,
     /// Where it stands, if it never moves.
     pub fixed: Option<Pose>,
+}
+
+/// What a microphone picks up, and into which channels.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Pickup {
+    /// One channel, which hears so much from each side.
+    Shape(MicrophoneShape),
+    /// Both ears of a head, for headphones.
+    Binaural {
+        /// The file that says what the head does to sound, as a path relative to the folder of the score;
+        /// `None`: a sphere of the size of a head.
+        head: Option<String>,
+    },
+    /// The sound field about a point, in real spherical harmonics up to an order from 1 to 3: ACN order, SN3D
+    /// scaling, as in AmbiX files.
+    Ambisonic {
+        /// The highest order.
+        order: usize,
+    },
+    /// What loudspeakers about a listener have to play.
+    Loudspeakers(Vec<Loudspeaker>),
+}
+
+impl Pickup {
+    /// The names of its channels.
+    pub fn channels(&self) -> Vec<String> {
+        match self {
+            Pickup::Shape(_) => vec!["mono".to_owned()],
+            Pickup::Binaural { .. } => vec!["left".to_owned(), "right".to_owned()],
+            Pickup::Ambisonic { order } => {
+                let names = CHANNEL_NAMES.iter().take(ambisonic::channels(*order));
+                names.map(|name| (*name).to_owned()).collect()
+            }
+            Pickup::Loudspeakers(all) => all.iter().map(|loudspeaker| loudspeaker.name.clone()).collect(),
+        }
+    }
+
+    /// Whether it matters how the microphone is turned about the direction that it faces.
+    pub fn is_turned(&self) -> bool {
+        !matches!(self, Pickup::Shape(_))
+    }
+}
+
+/// One of several loudspeakers about a listener.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Loudspeaker {
+    /// The name that its channel bears.
+    pub name: String,
+    /// Its direction, in degrees from ahead to the left.
+    pub azimuth_deg: f64,
+    /// How far above the horizon it is, in degrees.
+    pub elevation_deg: f64,
+    /// True for one that plays low effects only, which come from nowhere.
+    pub is_lfe: bool,
 }
 
 /// Where a microphone is and which way it faces.
@@ -284,6 +375,15 @@ pub struct Pose {
     /// The direction it faces: a vector of any length above zero, kept as it was given, so that the
     /// text of a score says exactly what is in memory. Who computes with it normalises it.
     pub facing: [f64; 3],
+    /// The direction that is up for it, of any length above zero; it need not be at right angles to where it faces.
+    pub up: [f64; 3],
+}
+
+impl Pose {
+    /// Upright at a place, facing a direction.
+    pub const fn upright(position_m: [f64; 3], facing: [f64; 3]) -> Self {
+        Self { position_m, facing, up: [0.0, 1.0, 0.0] }
+    }
 }
 
 /// The value of a key in object space: where the source is and how loud it is 1 m away.
@@ -315,13 +415,48 @@ impl Placement {
     }
 }
 
-/// The value of a key in channel space, for one channel.
+/// The value of a key in channel space, for one output.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Arrival {
-    /// Pressure gain, 0 or above.
+    /// Pressure gain; below 0 where it arrives with the opposite sign.
     pub gain: f64,
     /// Seconds from leaving the source to arriving, 0 or above.
     pub delay_s: f64,
+    /// At a head: where it comes from in the head's own frame (ahead −Z, right +X, up +Y), in metres; nowhere
+    /// where it sounds within the head. `None` for a channel.
+    pub from_m: Option<[f64; 3]>,
+}
+
+impl Arrival {
+    /// What arrives in a channel.
+    pub const fn new(gain: f64, delay_s: f64) -> Self {
+        Self { gain, delay_s, from_m: None }
+    }
+}
+
+/// Who receives in a score in channel space.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Output {
+    /// One channel, by its name.
+    Channel(String),
+    /// A head, whose ears are two channels.
+    Head {
+        /// The names of the channels of the left and of the right ear.
+        ears: [String; 2],
+        /// The file that says what the head does to sound, as a path relative to the folder of the score;
+        /// `None`: a sphere of the size of a head.
+        head: Option<String>,
+    },
+}
+
+impl Output {
+    /// The names of its channels.
+    pub fn channels(&self) -> &[String] {
+        match self {
+            Output::Channel(name) => std::slice::from_ref(name),
+            Output::Head { ears, .. } => ears,
+        }
+    }
 }
 
 /// What starts with a thread.
@@ -429,7 +564,7 @@ pub enum ObjectLine {
 /// A line of a score in channel space.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ChannelLine {
-    /// A line of a path of a sounding thread: one [`Arrival`] for every channel.
+    /// A line of a path of a sounding thread: one [`Arrival`] for every output.
     Thread(Statement<Vec<Arrival>>),
     /// Something said to a synthesised sound.
     Cue(Cue),
@@ -464,5 +599,5 @@ impl ChannelLine {
 /// The header of a score in object space.
 pub type ObjectHeader = Header<Microphone>;
 
-/// The header of a score in channel space: the receivers are the names of the channels.
-pub type ChannelHeader = Header<String>;
+/// The header of a score in channel space.
+pub type ChannelHeader = Header<Output>;

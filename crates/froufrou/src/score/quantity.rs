@@ -28,6 +28,7 @@ pub const SPEED_OF_SOUND: Quantity = quantity("the speed of sound in metres a se
 pub const DURATION: Quantity = quantity("the duration in seconds", Bound::Positive);
 pub const TIME: Quantity = quantity("the time in seconds", Bound::NotNegative);
 pub const GAIN: Quantity = quantity("the gain", Bound::NotNegative);
+pub const SIGNED_GAIN: Quantity = quantity("the gain", Bound::Finite);
 pub const DELAY: Quantity = quantity("the delay in seconds", Bound::NotNegative);
 pub const PLAYBACK_SPEED: Quantity = quantity("the playback speed", Bound::Positive);
 pub const OFFSET: Quantity = quantity("the offset in seconds", Bound::NotNegative);
@@ -47,6 +48,18 @@ pub const POSITION: [Quantity; 3] = [
     quantity("the place's z in metres", Bound::Finite),
 ];
 pub const TURN: Quantity = quantity("the turn", Bound::Finite);
+pub const FROM: [Quantity; 3] = [
+    quantity("the place's x in metres from the head", Bound::Finite),
+    quantity("the place's y in metres from the head", Bound::Finite),
+    quantity("the place's z in metres from the head", Bound::Finite),
+];
+pub const AZIMUTH: Quantity = quantity("the azimuth in degrees", Bound::Finite);
+pub const ELEVATION: Quantity = quantity("the elevation in degrees", Bound::Finite);
+pub const UP: [Quantity; 3] = [
+    quantity("the upward direction's x", Bound::Finite),
+    quantity("the upward direction's y", Bound::Finite),
+    quantity("the upward direction's z", Bound::Finite),
+];
 pub const FACING: [Quantity; 3] = [
     quantity("the facing direction's x", Bound::Finite),
     quantity("the facing direction's y", Bound::Finite),
@@ -88,13 +101,28 @@ impl Quantity {
 }
 
 /// A direction must have one: long enough and short enough that its length can be computed.
+fn has_length([x, y, z]: [f64; 3]) -> bool {
+    (x * x + y * y + z * z).is_normal()
+}
+
+/// The direction that a microphone faces.
 pub fn check_facing(facing: [f64; 3]) -> Result<[f64; 3]> {
-    let [x, y, z] = facing;
-    if (x * x + y * y + z * z).is_normal() {
+    if has_length(facing) {
         return Ok(facing);
     }
+    let [x, y, z] = facing;
     Err(Error::new(format!("the facing direction {x} {y} {z} has no usable length"))
         .help("give any vector that points where the microphone faces, such as `0 0 -1`"))
+}
+
+/// The direction that is up for a microphone.
+pub fn check_up(up: [f64; 3]) -> Result<[f64; 3]> {
+    if has_length(up) {
+        return Ok(up);
+    }
+    let [x, y, z] = up;
+    Err(Error::new(format!("the upward direction {x} {y} {z} has no usable length"))
+        .help("give any vector that points up for the microphone, such as `0 1 0`"))
 }
 
 /// A turn is a quaternion of any length that can be computed.

@@ -192,13 +192,16 @@ impl<S: Space, R: BufRead> Reader<S, R> {
                     header.patterns.push(pattern);
                     Declared::Pattern(header.patterns.len() - 1)
                 }
-                _ if keyword == S::RECEIVER_KEYWORD => {
+                _ if S::RECEIVER_KEYWORDS.contains(&keyword) => {
                     let index = header.receivers.len();
-                    S::read_receivers(&mut words, &mut header.receivers)?;
-                    for receiver in header.receivers.iter().skip(index) {
-                        rules
-                            .declare_receiver(S::receiver_name(receiver), S::receiver_stands(receiver))
-                            .map_err(|fault| place(&words, fault))?;
+                    S::read_receivers(keyword, &mut words, &mut header.receivers)?;
+                    let new = header.receivers.iter().skip(index);
+                    let names = new.flat_map(|receiver| {
+                        let stands = S::receiver_stands(receiver);
+                        S::receiver_names(receiver).iter().map(move |name| (name, stands))
+                    });
+                    for (number, (name, stands)) in names.enumerate() {
+                        rules.declare_receiver(number, name, stands).map_err(|fault| place(&words, fault))?;
                     }
                     Declared::Receiver(index)
                 }

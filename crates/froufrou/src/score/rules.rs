@@ -199,11 +199,11 @@ impl<V> Rules<V> {
         Err(fault(word::NAME, format!("the pattern {} is declared twice", shown(&pattern.name))))
     }
 
-    /// A microphone or channel is declared; `stands` where it has its one place already.
-    pub fn declare_receiver(&mut self, name: &str, stands: bool) -> Result<(), Fault> {
+    /// A microphone or channel is declared, by a name that is this one on its line, from 0; `stands` where
+    /// it has its one place already.
+    pub fn declare_receiver(&mut self, number: usize, name: &str, stands: bool) -> Result<(), Fault> {
         let index = self.receiver_names.len();
-        // All channels stand on one line.
-        let at = if self.placed { word::NAME } else { word::NAME + index };
+        let at = word::NAME + number;
         let kind = self.receiver_kind();
         if name.is_empty() {
             return Err(fault(at, format!("the {kind} has an empty name")));
@@ -611,7 +611,7 @@ mod tests {
         let mut rules = Rules::new(false);
         let sound = Sound::recording("hit", "hit.wav", super::super::Repeat::Once, None);
         rules.declare_sound(&sound).unwrap();
-        rules.declare_receiver("left", false).unwrap();
+        rules.declare_receiver(0, "left", false).unwrap();
         rules.begin(order, false).unwrap();
         rules
     }

@@ -3,12 +3,12 @@
 
 use std::fmt::Debug;
 
-use super::lexer::{Words, push_name};
-use super::quantity::{self, check_facing, check_turn};
+use super::lexer::{Words, push_name, push_quoted};
+use super::quantity::{self, check_facing, check_turn, check_up};
 use super::rules::Rank;
 use super::{
-    Arrival, ChannelLine, Cue, Microphone, MicrophoneKey, MicrophoneShape, ObjectLine, Placement, Pose,
-    Statement, Whereabouts,
+    Arrival, ChannelLine, Cue, Loudspeaker, Microphone, MicrophoneKey, MicrophoneShape, ObjectLine, Output,
+    Pickup, Placement, Pose, Statement, Whereabouts,
 };
 use crate::{Error, Result};
 
@@ -24,7 +24,7 @@ mod sealed {
 pub trait Space: sealed::Sealed + Sized + Send + Sync + 'static {
     /// The word on a score's first line.
     const NAME: &'static str;
-    /// Who receives: one output channel each.
+    /// Who receives.
     type Receiver: Debug + Clone + PartialEq + Send + Sync + 'static;
     /// What a thread's line says beside what it does and when.
     type Value: Debug + Clone + PartialEq + Send + Sync + 'static;
@@ -34,9 +34,9 @@ pub trait Space: sealed::Sealed + Sized + Send + Sync + 'static {
     /// Whether threads are somewhere, so that they may radiate and be reflected.
     #[doc(hidden)]
     const HAS_PLACES: bool;
-    /// The keyword that declares receivers.
+    /// The keywords that declare receivers.
     #[doc(hidden)]
-    const RECEIVER_KEYWORD: &'static str;
+    const RECEIVER_KEYWORDS: &'static [&'static str];
     /// The verbs of receivers, which have a place.
     #[doc(hidden)]
     const RECEIVER_VERBS: &'static [&'static str];
@@ -48,12 +48,17 @@ pub trait Space: sealed::Sealed + Sized + Send + Sync + 'static {
     type Draft: Default;
 
     #[doc(hidden)]
-    fn read_receivers(words: &mut Words<'_>, receivers: &mut Vec<Self::Receiver>) -> Result<()>;
-    /// The lines that declare all receivers.
+    fn read_receivers(
+        keyword: &str,
+        words: &mut Words<'_>,
+        receivers: &mut Vec<Self::Receiver>,
+    ) -> Result<()>;
+    /// The lines that declare all receivers, each with the index of its first.
     #[doc(hidden)]
-    fn receiver_lines(receivers: &[Self::Receiver]) -> Result<Vec<String>>;
+    fn receiver_lines(receivers: &[Self::Receiver]) -> Result<Vec<(usize, String)>>;
+    /// The names that a receiver takes.
     #[doc(hidden)]
-    fn receiver_name(receiver: &Self::Receiver) -> &str;
+    fn receiver_names(receiver: &Self::Receiver) -> &[String];
     /// Whether a receiver has its place where it is declared.
     #[doc(hidden)]
     fn receiver_stands(receiver: &Self::Receiver) -> bool;
@@ -138,56 +143,37 @@ impl Space for ObjectSpace {
     type Line = ObjectLine;
 
     const HAS_PLACES: bool = true;
-    const RECEIVER_KEYWORD: &'static str = "microphone";
+    const RECEIVER_KEYWORDS: &'static [&'static str] = &["microphone"];
     const RECEIVER_VERBS: &'static [&'static str] = &["hear", "cut"];
     const CLAUSES: &'static [&'static str] = &["at", "around", "gain", "turn"];
     type Draft = PlacementDraft;
 
-    fn read_receivers(words: &mut Words<'_>, receivers: &mut Vec<Microphone>) -> Result<()> {
+    fn read_receivers(_: &str, words: &mut Words<'_>, receivers: &mut Vec<Microphone>) -> Result<()> {
         let name = words.name("the microphone's name")?.into_owned();
-        const SHAPES: [&str; 3] = ["omni", "cardioid", "shape"];
-        let expected = "`omni`, `cardioid` or `shape C K`";
-        let shape = match words.keyword(expected)? {
-            None | Some("omni") => OMNI,
-            Some("cardioid") => CARDIOID,
-            Some("shape") => MicrophoneShape {
-                c: words.number_of(quantity::SHAPE_C)?,
-                k: words.number_of(quantity::SHAPE_K)?,
-            },
-            Some(other) => return Err(words.unknown("microphone shape", other, SHAPES, expected)),
-        };
+        let pickup = read_pickup(words)?;
         let fixed = match words.peek() {
             None | Some(b'#') => None,
             Some(_) => Some(read_whereabouts(words, None)?),
         };
-        receivers.push(Microphone { name, shape, fixed });
+        receivers.push(Microphone { name, pickup, fixed });
         Ok(())
     }
 
-    fn receiver_lines(receivers: &[Microphone]) -> Result<Vec<String>> {
-        let line = |Microphone { name, shape, fixed }: &Microphone| {
+    fn receiver_lines(receivers: &[Microphone]) -> Result<Vec<(usize, String)>> {
+        let line = |(index, Microphone { name, pickup, fixed }): (usize, &Microphone)| {
             let mut text = String::from("microphone ");
             push_name(&mut text, name);
-            if same_shape(*shape, OMNI) {
-                text.push_str(" omni");
-            } else if same_shape(*shape, CARDIOID) {
-                text.push_str(" cardioid");
-            } else {
-                text.push_str(" shape ");
-                quantity::SHAPE_C.push(&mut text, shape.c)?;
-                text.push(' ');
-                quantity::SHAPE_K.push(&mut text, shape.k)?;
-            }
+            push_pickup(&mut text, pickup)?;
             if let Some(pose) = fixed {
                 push_whereabouts(&mut text, pose)?;
             }
-            Ok(text)
+            Ok((index, text))
         };
-        receivers.iter().map(line).collect()
+        receivers.iter().enumerate().map(line).collect()
     }
 
-    fn receiver_name(receiver: &Microphone) -> &str {
-        &receiver.name
+    fn receiver_names(receiver: &Microphone) -> &[String] {
+        std::slice::from_ref(&receiver.name)
     }
 
     fn receiver_stands(receiver: &Microphone) -> bool {
@@ -300,11 +286,115 @@ impl Space for ObjectSpace {
     }
 }
 
+/// Reads what a microphone picks up.
+fn read_pickup(words: &mut Words<'_>) -> Result<Pickup> {
+    const KINDS: [&str; 6] = ["omni", "cardioid", "shape", "binaural", "ambisonic", "loudspeakers"];
+    let expected = "`omni`, `cardioid`, `shape C K`, `binaural`, `ambisonic ORDER` or `loudspeakers`";
+    match words.keyword(expected)? {
+        None | Some("omni") => Ok(Pickup::Shape(OMNI)),
+        Some("cardioid") => Ok(Pickup::Shape(CARDIOID)),
+        Some("shape") => Ok(Pickup::Shape(MicrophoneShape {
+            c: words.number_of(quantity::SHAPE_C)?,
+            k: words.number_of(quantity::SHAPE_K)?,
+        })),
+        Some("binaural") => {
+            let file = words.peek() == Some(b'"');
+            let head = file.then(|| words.name("the file of a head")).transpose()?;
+            Ok(Pickup::Binaural { head: head.map(|path| path.into_owned()) })
+        }
+        Some("ambisonic") => match words.whole("the order, from 1 to 3")? {
+            order @ 1..=3 => Ok(Pickup::Ambisonic { order: order as usize }),
+            order => Err(words.fault(format!("expected an order from 1 to 3, found {order}"))),
+        },
+        Some("loudspeakers") => {
+            let mut all: Vec<Loudspeaker> = Vec::new();
+            // Each begins with its name in quotes, which no keyword does.
+            while words.peek() == Some(b'"') {
+                let name = words.name("the name of a loudspeaker")?.into_owned();
+                if all.iter().any(|other| other.name == name) {
+                    return Err(words.fault(format!("there are two loudspeakers `{name}`")));
+                }
+                let (mut azimuth_deg, mut elevation_deg) = (0.0, 0.0);
+                let is_lfe = !words.next_is_number();
+                if is_lfe {
+                    let expected = "its azimuth and elevation, or `lfe`";
+                    match words.keyword_here(expected)? {
+                        "lfe" => {}
+                        other => return Err(words.unknown("word", other, ["lfe"], expected)),
+                    }
+                } else {
+                    azimuth_deg = words.number_of(quantity::AZIMUTH)?;
+                    elevation_deg = words.number_of(quantity::ELEVATION)?;
+                }
+                all.push(Loudspeaker { name, azimuth_deg, elevation_deg, is_lfe });
+            }
+            if all.is_empty() {
+                return Err(words
+                    .fault("there are no loudspeakers")
+                    .help("name each with its direction, as `\"left\" 30 0 \"right\" -30 0 \"lfe\" lfe`"));
+            }
+            Ok(Pickup::Loudspeakers(all))
+        }
+        Some(other) => Err(words.unknown("microphone shape", other, KINDS, expected)),
+    }
+}
+
+fn push_pickup(text: &mut String, pickup: &Pickup) -> Result<()> {
+    match pickup {
+        Pickup::Shape(shape) if same_shape(*shape, OMNI) => text.push_str(" omni"),
+        Pickup::Shape(shape) if same_shape(*shape, CARDIOID) => text.push_str(" cardioid"),
+        Pickup::Shape(shape) => {
+            text.push_str(" shape ");
+            quantity::SHAPE_C.push(text, shape.c)?;
+            text.push(' ');
+            quantity::SHAPE_K.push(text, shape.k)?;
+        }
+        Pickup::Binaural { head } => {
+            text.push_str(" binaural");
+            if let Some(path) = head {
+                text.push(' ');
+                push_quoted(text, path);
+            }
+        }
+        Pickup::Ambisonic { order: order @ 1..=3 } => {
+            text.push_str(" ambisonic ");
+            text.push_str(&order.to_string());
+        }
+        Pickup::Ambisonic { order } => {
+            return Err(Error::new(format!("the order of ambisonics is {order}, not from 1 to 3")));
+        }
+        Pickup::Loudspeakers(all) => {
+            text.push_str(" loudspeakers");
+            for (index, Loudspeaker { name, azimuth_deg, elevation_deg, is_lfe }) in all.iter().enumerate() {
+                if all[..index].iter().any(|other| other.name == *name) {
+                    return Err(Error::new(format!("there are two loudspeakers `{name}`")));
+                }
+                text.push(' ');
+                push_quoted(text, name);
+                text.push(' ');
+                if *is_lfe {
+                    text.push_str("lfe");
+                } else {
+                    quantity::AZIMUTH.push(text, *azimuth_deg)?;
+                    text.push(' ');
+                    quantity::ELEVATION.push(text, *elevation_deg)?;
+                }
+            }
+            if all.is_empty() {
+                return Err(Error::new("there are no loudspeakers"));
+            }
+        }
+    }
+    Ok(())
+}
+
 /// Reads what follows the time of a `hear` or `cut` line, or the shape of a microphone that stands
 /// still; what is left out is as it was before.
 pub fn read_whereabouts(words: &mut Words<'_>, before: Option<&MicrophoneKey>) -> Result<Pose> {
-    let (mut position_m, mut facing) = (None, None);
-    while let Some(keyword) = words.keyword("`at X Y Z` or `facing X Y Z`")? {
+    const KEYWORDS: [&str; 3] = ["at", "facing", "up"];
+    let expected = "`at X Y Z`, `facing X Y Z` or `up X Y Z`";
+    let (mut position_m, mut facing, mut up) = (None, None, None);
+    while let Some(keyword) = words.keyword(expected)? {
         match keyword {
             "at" => {
                 let vector = words.numbers_of(quantity::POSITION)?;
@@ -315,10 +405,12 @@ pub fn read_whereabouts(words: &mut Words<'_>, before: Option<&MicrophoneKey>) -
                 let vector = check_facing(vector).map_err(|error| words.place(error))?;
                 once(&mut facing, keyword, words, vector)?;
             }
-            other => {
-                let expected = "`at X Y Z` or `facing X Y Z`";
-                return Err(words.unknown("word", other, ["at", "facing"], expected));
+            "up" => {
+                let vector = words.numbers_of(quantity::UP)?;
+                let vector = check_up(vector).map_err(|error| words.place(error))?;
+                once(&mut up, keyword, words, vector)?;
             }
+            other => return Err(words.unknown("word", other, KEYWORDS, expected)),
         }
     }
     let position_m = position_m.or(before.map(|before| before.pose.position_m)).ok_or_else(|| {
@@ -326,13 +418,21 @@ pub fn read_whereabouts(words: &mut Words<'_>, before: Option<&MicrophoneKey>) -
     })?;
     // Without a word on it a microphone faces where a camera does.
     let facing = facing.or(before.map(|before| before.pose.facing)).unwrap_or([0.0, 0.0, -1.0]);
-    Ok(Pose { position_m, facing })
+    let up = up.unwrap_or(UPRIGHT);
+    Ok(Pose { position_m, facing, up })
 }
+
+/// What is up where a line does not say otherwise.
+const UPRIGHT: [f64; 3] = [0.0, 1.0, 0.0];
 
 /// Appends what follows the time of a `hear` or `cut` line.
 pub fn push_whereabouts(text: &mut String, pose: &Pose) -> Result<()> {
     push_vector(text, " at", quantity::POSITION, pose.position_m)?;
-    push_vector(text, " facing", quantity::FACING, check_facing(pose.facing)?)
+    push_vector(text, " facing", quantity::FACING, check_facing(pose.facing)?)?;
+    if pose.up.map(f64::to_bits) == UPRIGHT.map(f64::to_bits) {
+        return Ok(());
+    }
+    push_vector(text, " up", quantity::UP, check_up(pose.up)?)
 }
 
 fn push_vector(
@@ -356,68 +456,104 @@ pub struct ChannelSpace;
 
 impl Space for ChannelSpace {
     const NAME: &'static str = "channel";
-    type Receiver = String;
+    type Receiver = Output;
     type Value = Vec<Arrival>;
     type Line = ChannelLine;
 
     const HAS_PLACES: bool = false;
-    const RECEIVER_KEYWORD: &'static str = "channels";
+    const RECEIVER_KEYWORDS: &'static [&'static str] = &["channels", "head"];
     const RECEIVER_VERBS: &'static [&'static str] = &[];
     const CLAUSES: &'static [&'static str] = &[];
     type Draft = Vec<Arrival>;
 
-    fn read_receivers(words: &mut Words<'_>, receivers: &mut Vec<String>) -> Result<()> {
-        if !receivers.is_empty() {
+    fn read_receivers(keyword: &str, words: &mut Words<'_>, receivers: &mut Vec<Output>) -> Result<()> {
+        let channel = |words: &mut Words<'_>| Ok(words.name("the name of a channel")?.into_owned());
+        if keyword == "head" {
+            let ears = [channel(words)?, channel(words)?];
+            let file = words.peek().is_some_and(|next| next != b'#');
+            let head = file.then(|| words.name("the file of a head")).transpose()?;
+            receivers.push(Output::Head { ears, head: head.map(|path| path.into_owned()) });
+            return Ok(());
+        }
+        if matches!(receivers.last(), Some(Output::Channel(_))) {
             return Err(words
                 .fault("`channels` is given twice")
                 .help("name all channels on one line, as `channels left right`"));
         }
         loop {
-            receivers.push(words.name("the name of a channel")?.into_owned());
+            receivers.push(Output::Channel(channel(words)?));
             if words.peek().is_none() {
                 return Ok(());
             }
         }
     }
 
-    fn receiver_lines(receivers: &[String]) -> Result<Vec<String>> {
-        let mut text = String::from("channels");
-        for name in receivers {
-            text.push(' ');
-            push_name(&mut text, name);
+    fn receiver_lines(receivers: &[Output]) -> Result<Vec<(usize, String)>> {
+        let mut lines: Vec<(usize, String)> = Vec::new();
+        let mut joins = false;
+        for (index, output) in receivers.iter().enumerate() {
+            match output {
+                Output::Channel(name) => {
+                    // Channels that follow one another stand on one line.
+                    if !joins {
+                        lines.push((index, "channels".into()));
+                    }
+                    if let Some((_, line)) = lines.last_mut() {
+                        line.push(' ');
+                        push_name(line, name);
+                    }
+                }
+                Output::Head { ears, head } => {
+                    let mut line = String::from("head");
+                    for ear in ears {
+                        line.push(' ');
+                        push_name(&mut line, ear);
+                    }
+                    if let Some(path) = head {
+                        line.push(' ');
+                        push_quoted(&mut line, path);
+                    }
+                    lines.push((index, line));
+                }
+            }
+            joins = matches!(output, Output::Channel(_));
         }
-        Ok(vec![text])
+        Ok(lines)
     }
 
-    fn receiver_name(receiver: &String) -> &str {
-        receiver
+    fn receiver_names(receiver: &Output) -> &[String] {
+        receiver.channels()
     }
 
-    fn receiver_stands(_: &String) -> bool {
+    fn receiver_stands(_: &Output) -> bool {
         false
     }
 
-    fn read_plain(words: &mut Words<'_>, receivers: &[String], draft: &mut Vec<Arrival>) -> Result<()> {
+    fn read_plain(words: &mut Words<'_>, receivers: &[Output], draft: &mut Vec<Arrival>) -> Result<()> {
         while words.next_is_number() {
-            if draft.len() == receivers.len() {
+            let Some(output) = receivers.get(draft.len()) else {
                 // Take the word, so that the error points at it.
                 words.next()?;
-                return Err(words.fault(count_of_pairs(receivers, "more")));
-            }
+                return Err(words.fault(count_of_arrivals(receivers, "more")));
+            };
             if draft.is_empty() {
                 draft.reserve_exact(receivers.len());
             }
-            let gain = words.number_of(quantity::GAIN)?;
-            draft.push(Arrival { gain, delay_s: words.number_of(quantity::DELAY)? });
+            let mut arrival =
+                Arrival::new(words.number_of(quantity::SIGNED_GAIN)?, words.number_of(quantity::DELAY)?);
+            if matches!(output, Output::Head { .. }) {
+                arrival.from_m = Some(words.numbers_of(quantity::FROM)?);
+            }
+            draft.push(arrival);
         }
         if draft.is_empty() || draft.len() == receivers.len() {
             return Ok(());
         }
         words.next()?;
-        Err(words.fault(count_of_pairs(receivers, &draft.len().to_string())))
+        Err(words.fault(count_of_arrivals(receivers, &draft.len().to_string())))
     }
 
-    fn read_clause(_: &str, _: &mut Words<'_>, _: &[String], _: &mut Vec<Arrival>) -> Result<bool> {
+    fn read_clause(_: &str, _: &mut Words<'_>, _: &[Output], _: &mut Vec<Arrival>) -> Result<bool> {
         Ok(false)
     }
 
@@ -430,15 +566,26 @@ impl Space for ChannelSpace {
         }
     }
 
-    fn push_value(text: &mut String, value: &Vec<Arrival>, receivers: &[String]) -> Result<()> {
+    fn push_value(text: &mut String, value: &Vec<Arrival>, receivers: &[Output]) -> Result<()> {
         if value.len() != receivers.len() {
-            return Err(Error::new(count_of_pairs(receivers, &value.len().to_string())));
+            return Err(Error::new(count_of_arrivals(receivers, &value.len().to_string())));
         }
-        for Arrival { gain, delay_s } in value {
+        for (Arrival { gain, delay_s, from_m }, output) in value.iter().zip(receivers) {
             text.push(' ');
-            quantity::GAIN.push(text, *gain)?;
+            quantity::SIGNED_GAIN.push(text, *gain)?;
             text.push(' ');
             quantity::DELAY.push(text, *delay_s)?;
+            match (output, from_m) {
+                (Output::Channel(_), None) => {}
+                (Output::Head { .. }, Some(from_m)) => push_vector(text, "", quantity::FROM, *from_m)?,
+                (Output::Channel(name), Some(_)) => {
+                    return Err(Error::new(format!("what arrives in the channel `{name}` has a place")));
+                }
+                (Output::Head { ears: [left, right], .. }, None) => {
+                    let what = format!("what arrives at the head `{left}` `{right}` comes from nowhere");
+                    return Err(Error::new(what));
+                }
+            }
         }
         Ok(())
     }
@@ -463,7 +610,14 @@ impl Space for ChannelSpace {
     }
 }
 
-fn count_of_pairs(receivers: &[String], found: &str) -> String {
-    let (count, s) = (receivers.len(), if receivers.len() == 1 { "" } else { "s" });
+fn count_of_arrivals(receivers: &[Output], found: &str) -> String {
+    let count = receivers.len();
+    let s = if count == 1 { "" } else { "s" };
+    if receivers.iter().any(|output| matches!(output, Output::Head { .. })) {
+        return format!(
+            "expected {count} group{s} of numbers, gain and delay for each channel and gain, delay and place for \
+             each head, found {found}"
+        );
+    }
     format!("expected {count} pair{s} of gain and delay, one for each channel, found {found}")
 }

@@ -94,7 +94,7 @@ pub fn header_lines<S: Space>(header: &Header<S::Receiver>) -> Result<Vec<(Decla
         lines.push((Declared::Surroundings, text));
     }
     let receivers = S::receiver_lines(&header.receivers)?;
-    lines.extend(receivers.into_iter().enumerate().map(|(index, text)| (Declared::Receiver(index), text)));
+    lines.extend(receivers.into_iter().map(|(index, text)| (Declared::Receiver(index), text)));
     for (index, pattern) in header.patterns.iter().enumerate() {
         let mut text = String::from("pattern ");
         push_name(&mut text, &pattern.name);
@@ -486,7 +486,7 @@ pub fn push_line<S: Space>(text: &mut String, line: &S::Line, receivers: &[S::Re
             let receiver = receivers
                 .get(key.microphone)
                 .ok_or_else(|| Error::new(format!("there is no microphone with index {}", key.microphone)))?;
-            push_name(text, S::receiver_name(receiver));
+            S::receiver_names(receiver).iter().for_each(|name| push_name(text, name));
             text.push(' ');
             quantity::TIME.push(text, key.time_s)?;
             push_whereabouts(text, &key.pose)?;
@@ -526,17 +526,16 @@ pub fn is_verb<S: Space>(keyword: &str) -> bool {
 /// A line begins with a word that cannot begin one here.
 pub fn unknown_keyword<S: Space>(words: &Words<'_>, keyword: &str) -> Error {
     let elsewhere = !S::HAS_PLACES && ["surroundings", "pattern"].contains(&keyword);
-    if DECLARATIONS.contains(&keyword) && !elsewhere || keyword == S::RECEIVER_KEYWORD {
+    if DECLARATIONS.contains(&keyword) && !elsewhere || S::RECEIVER_KEYWORDS.contains(&keyword) {
         return words
             .fault(format!("`{keyword}` stands after the first line of a thread or microphone"))
             .help("move it up into the header, before all those lines");
     }
     let in_object =
-        ObjectSpace::RECEIVER_KEYWORD == keyword || ObjectSpace::RECEIVER_VERBS.contains(&keyword);
+        ObjectSpace::RECEIVER_KEYWORDS.contains(&keyword) || ObjectSpace::RECEIVER_VERBS.contains(&keyword);
     let in_object = in_object || elsewhere;
-    for (belongs, space) in
-        [(in_object, ObjectSpace::NAME), (keyword == ChannelSpace::RECEIVER_KEYWORD, ChannelSpace::NAME)]
-    {
+    let in_channel = ChannelSpace::RECEIVER_KEYWORDS.contains(&keyword);
+    for (belongs, space) in [(in_object, ObjectSpace::NAME), (in_channel, ChannelSpace::NAME)] {
         if belongs {
             let what = format!(
                 "`{keyword}` belongs into a score in {space} space, this one is in {} space",
@@ -545,7 +544,7 @@ pub fn unknown_keyword<S: Space>(words: &Words<'_>, keyword: &str) -> Error {
             return words.fault(what);
         }
     }
-    let known = [S::RECEIVER_KEYWORD].into_iter().chain(DECLARATIONS).chain(THREAD_VERBS).chain(CUE_VERBS);
+    let known = S::RECEIVER_KEYWORDS.iter().copied().chain(DECLARATIONS).chain(THREAD_VERBS).chain(CUE_VERBS);
     let known = known.chain(S::RECEIVER_VERBS.iter().copied());
     words.unknown("keyword", keyword, known, "a declaration or a line of a thread")
 }

@@ -20,12 +20,12 @@ use crate::{Error, Result, WholeFile};
 ///
 /// ```
 /// use froufrou::score::{
-///     Arrival, ChannelLine, ChannelWriter, Header, Order, Repeat, Sound, Start, Statement, Verb,
+///     Arrival, ChannelLine, ChannelWriter, Header, Order, Output, Repeat, Sound, Start, Statement, Verb,
 /// };
 ///
 /// let header = Header {
 ///     sounds: vec![Sound::recording("drip", "drip.wav", Repeat::Once, None)],
-///     ..Header::new(Order::Time, vec!["left".to_string(), "right".to_string()])
+///     ..Header::new(Order::Time, ["left", "right"].map(|name| Output::Channel(name.into())).to_vec())
 /// };
 /// let start = Start {
 ///     sound: "drip".into(),
@@ -35,7 +35,7 @@ use crate::{Error, Result, WholeFile};
 ///     cause: "a leak".into(),
 ///     pattern: String::new(),
 /// };
-/// let arrival = |gain, delay_s| Arrival { gain, delay_s };
+/// let arrival = Arrival::new;
 ///
 /// let mut writer = ChannelWriter::new(Vec::new(), &header)?;
 /// writer.write(&ChannelLine::Thread(Statement {
@@ -134,8 +134,10 @@ impl<S: Space, W: Write> Writer<S, W> {
             self.rules.declare_pattern(pattern).map_err(unplaced)?;
         }
         for receiver in &header.receivers {
-            let (name, stands) = (S::receiver_name(receiver), S::receiver_stands(receiver));
-            self.rules.declare_receiver(name, stands).map_err(unplaced)?;
+            let stands = S::receiver_stands(receiver);
+            for name in S::receiver_names(receiver) {
+                self.rules.declare_receiver(0, name, stands).map_err(unplaced)?;
+            }
         }
         self.rules.begin(header.order, header.duration_s.is_some()).map_err(unplaced)?;
 

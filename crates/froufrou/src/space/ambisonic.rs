@@ -25,9 +25,10 @@
 
 use super::direction::ahead_left_up;
 use super::directivity::{HARMONICS, ORDERS, harmonics};
-use super::layout::{Speaker, check};
+use super::layout::check;
 use super::panning::Panner;
 use super::sphere::{dot, unit};
+use crate::score::Loudspeaker;
 use crate::{Error, Result};
 
 /// The highest order.
@@ -122,7 +123,12 @@ impl Decoder {
     /// # Errors
     /// An order other than 1, 2 and 3, or loudspeakers that are no layout (see
     /// [`Layout::new`](super::layout::Layout::new)).
-    pub fn mode_matching(speakers: &[Speaker], order: usize, weights: Weights, level: Level) -> Result<Self> {
+    pub fn mode_matching(
+        speakers: &[Loudspeaker],
+        order: usize,
+        weights: Weights,
+        level: Level,
+    ) -> Result<Self> {
         check(speakers)?;
         check_order(order)?;
         let count = channels(order);
@@ -164,7 +170,7 @@ impl Decoder {
     ///
     /// # Errors
     /// An order other than 1, 2 and 3, or loudspeakers that cannot be panned to (see [`Panner::new`]).
-    pub fn all_rad(speakers: &[Speaker], order: usize, weights: Weights, level: Level) -> Result<Self> {
+    pub fn all_rad(speakers: &[Loudspeaker], order: usize, weights: Weights, level: Level) -> Result<Self> {
         check_order(order)?;
         let panner = Panner::new(speakers)?;
         let mut rows = vec![vec![0.0; channels(order)]; speakers.len()];

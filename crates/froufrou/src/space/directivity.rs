@@ -102,8 +102,7 @@ impl Directivity {
     /// The gain towards what lies `toward_m` from the source, in metres in the world, where the
     /// source has a local-to-world transform.
     ///
-    /// Gains of a score are not below 0, so that this is the magnitude of the pressure: the rear of a
-    /// dipole is as loud as its front. Within [`NEAR_M`] the direction fades away as it does for a
+    /// It is below 0 where the pressure has the opposite sign, as behind a dipole. Within [`NEAR_M`] the direction fades away as it does for a
     /// microphone, so that a source may pass through one. Scale in the transform counts for nothing; a transform
     /// without directions (scaled to nothing, not finite) leaves what is heard all around.
     pub fn gain(&self, frame: &Transform, toward_m: [f64; 3]) -> f64 {
@@ -115,13 +114,13 @@ impl Directivity {
         let local = [-along(2), -along(0), along(1)];
         let distance = length(local);
         if !distance.is_finite() || distance == 0.0 {
-            return self.coefficients[0].abs();
+            return self.coefficients[0];
         }
         let values = harmonics(local.map(|c| c / distance));
         // Solid harmonics r^n Y are smooth through the centre.
         let near = (distance / NEAR_M).min(1.0);
         let fade = [1.0, near, near * near, near * near * near];
-        (0..HARMONICS).map(|i| fade[ORDERS[i]] * values[i] * self.coefficients[i]).sum::<f64>().abs()
+        (0..HARMONICS).map(|i| fade[ORDERS[i]] * values[i] * self.coefficients[i]).sum()
     }
 }
 
@@ -207,7 +206,7 @@ mod tests {
             let (a, b) = (directivity.gain(&still, toward), directivity.gain(&frame, turned));
             assert!((a - b).abs() < 1e-12, "{a} {b}");
             let local = directivity.pressure([-toward[2] / 3.0, -toward[0] / 3.0, toward[1] / 3.0]);
-            assert!((a - local.abs()).abs() < 1e-12);
+            assert!((a - local).abs() < 1e-12);
         }
     }
 

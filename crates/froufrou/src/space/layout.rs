@@ -16,32 +16,19 @@
 //!
 //! Their channels have the names and the order of the channel mask of WAV files
 //! ([`speakers::mask`](crate::render::speakers::mask)). The surrounds at ±110° are its `side` places, those at
-//! ±135° its `back` places. The loudspeaker for low frequencies stands at 45°, 30° down, as in BS.2051; its place
-//! counts for nothing.
+//! ±135° its `back` places. The loudspeaker for low frequencies may stand anywhere.
 
 use std::str::FromStr;
 
 use super::direction::from_angles_deg;
 use crate::scene::toml::{alternatives, nearest};
+use crate::score::Loudspeaker;
 use crate::{Error, Result};
 
 /// A layout has no more loudspeakers than this.
-pub const MOST_SPEAKERS: usize = 64;
+pub const MOST_LOUDSPEAKERS: usize = 64;
 
-/// A loudspeaker as seen by the listener.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Speaker {
-    /// The name of its channel.
-    pub name: String,
-    /// Its azimuth in degrees: 0 is ahead, 90 left.
-    pub azimuth_deg: f64,
-    /// Its elevation in degrees: 90 is overhead.
-    pub elevation_deg: f64,
-    /// True where it plays low frequencies only, so that nothing is panned to it.
-    pub is_lfe: bool,
-}
-
-impl Speaker {
+impl Loudspeaker {
     /// A loudspeaker for all frequencies.
     pub fn new(name: impl Into<String>, azimuth_deg: f64, elevation_deg: f64) -> Self {
         Self { name: name.into(), azimuth_deg, elevation_deg, is_lfe: false }
@@ -57,7 +44,7 @@ impl Speaker {
 /// frequencies alone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layout {
-    speakers: Vec<Speaker>,
+    speakers: Vec<Loudspeaker>,
 }
 
 /// What stands where in the named layouts, in the order of the channel mask.
@@ -79,7 +66,7 @@ const NAMED: [(&str, Places); 8] = [
             ("left", 30.0, 0.0),
             ("right", -30.0, 0.0),
             ("center", 0.0, 0.0),
-            (LFE, 45.0, -30.0),
+            (LFE, 0.0, 0.0),
             ("side left", 110.0, 0.0),
             ("side right", -110.0, 0.0),
         ],
@@ -90,7 +77,7 @@ const NAMED: [(&str, Places); 8] = [
             ("left", 30.0, 0.0),
             ("right", -30.0, 0.0),
             ("center", 0.0, 0.0),
-            (LFE, 45.0, -30.0),
+            (LFE, 0.0, 0.0),
             ("back left", 135.0, 0.0),
             ("back right", -135.0, 0.0),
             ("side left", 90.0, 0.0),
@@ -103,7 +90,7 @@ const NAMED: [(&str, Places); 8] = [
             ("left", 30.0, 0.0),
             ("right", -30.0, 0.0),
             ("center", 0.0, 0.0),
-            (LFE, 45.0, -30.0),
+            (LFE, 0.0, 0.0),
             ("side left", 110.0, 0.0),
             ("side right", -110.0, 0.0),
             ("top front left", 30.0, 30.0),
@@ -116,7 +103,7 @@ const NAMED: [(&str, Places); 8] = [
             ("left", 30.0, 0.0),
             ("right", -30.0, 0.0),
             ("center", 0.0, 0.0),
-            (LFE, 45.0, -30.0),
+            (LFE, 0.0, 0.0),
             ("side left", 110.0, 0.0),
             ("side right", -110.0, 0.0),
             ("top front left", 30.0, 30.0),
@@ -131,7 +118,7 @@ const NAMED: [(&str, Places); 8] = [
             ("left", 30.0, 0.0),
             ("right", -30.0, 0.0),
             ("center", 0.0, 0.0),
-            (LFE, 45.0, -30.0),
+            (LFE, 0.0, 0.0),
             ("back left", 135.0, 0.0),
             ("back right", -135.0, 0.0),
             ("side left", 90.0, 0.0),
@@ -148,9 +135,9 @@ impl Layout {
     /// A layout of one's own.
     ///
     /// # Errors
-    /// No loudspeaker or more than [`MOST_SPEAKERS`], none but for low frequencies, a name that is empty or
+    /// No loudspeaker or more than [`MOST_LOUDSPEAKERS`], none but for low frequencies, a name that is empty or
     /// given twice, an angle that is no number or an elevation beyond ±90°.
-    pub fn new(speakers: Vec<Speaker>) -> Result<Self> {
+    pub fn new(speakers: Vec<Loudspeaker>) -> Result<Self> {
         check(&speakers)?;
         Ok(Self { speakers })
     }
@@ -176,9 +163,9 @@ impl Layout {
                 None => error,
             });
         };
-        let speaker = |&(name, azimuth_deg, elevation_deg): &(&str, f64, f64)| Speaker {
+        let speaker = |&(name, azimuth_deg, elevation_deg): &(&str, f64, f64)| Loudspeaker {
             is_lfe: name == LFE,
-            ..Speaker::new(name, azimuth_deg, elevation_deg)
+            ..Loudspeaker::new(name, azimuth_deg, elevation_deg)
         };
         Ok(Self { speakers: places.iter().map(speaker).collect() })
     }
@@ -189,7 +176,7 @@ impl Layout {
     }
 
     /// Its loudspeakers in the order of the channels.
-    pub fn speakers(&self) -> &[Speaker] {
+    pub fn speakers(&self) -> &[Loudspeaker] {
         &self.speakers
     }
 
@@ -208,12 +195,13 @@ impl FromStr for Layout {
 }
 
 /// Refuses what no layout can be.
-pub(super) fn check(speakers: &[Speaker]) -> Result<()> {
-    if speakers.len() > MOST_SPEAKERS {
-        let what = format!("{} loudspeakers, and no more than {MOST_SPEAKERS} are possible", speakers.len());
+pub(super) fn check(speakers: &[Loudspeaker]) -> Result<()> {
+    if speakers.len() > MOST_LOUDSPEAKERS {
+        let what =
+            format!("{} loudspeakers, and no more than {MOST_LOUDSPEAKERS} are possible", speakers.len());
         return Err(Error::new(what));
     }
-    for (i, Speaker { name, azimuth_deg, elevation_deg, .. }) in speakers.iter().enumerate() {
+    for (i, Loudspeaker { name, azimuth_deg, elevation_deg, .. }) in speakers.iter().enumerate() {
         if name.is_empty() {
             return Err(Error::new(format!("loudspeaker {} has no name", i + 1)));
         }
@@ -263,9 +251,9 @@ mod tests {
     fn layouts_are_alike_on_both_sides_and_count_what_their_name_says() {
         for name in Layout::names() {
             let layout = Layout::named(name).unwrap();
-            let all: Vec<&Speaker> = layout.speakers().iter().filter(|s| !s.is_lfe).collect();
+            let all: Vec<&Loudspeaker> = layout.speakers().iter().filter(|s| !s.is_lfe).collect();
             for speaker in &all {
-                let is_mirrored = |other: &&&Speaker| {
+                let is_mirrored = |other: &&&Loudspeaker| {
                     other.azimuth_deg == -speaker.azimuth_deg && other.elevation_deg == speaker.elevation_deg
                 };
                 assert!(all.iter().any(|other| is_mirrored(&other)), "{name} {speaker:?}");
@@ -284,18 +272,18 @@ mod tests {
 
     #[test]
     fn what_is_no_layout_is_refused() {
-        let one = |azimuth, elevation| vec![Speaker::new("a", azimuth, elevation)];
+        let one = |azimuth, elevation| vec![Loudspeaker::new("a", azimuth, elevation)];
         let fault = |speakers| Layout::new(speakers).unwrap_err().to_string();
         assert!(fault(vec![]).contains("there is no loudspeaker"));
         assert!(fault(one(f64::NAN, 0.0)).contains("azimuth of loudspeaker `a` is NaN"));
         assert!(fault(one(0.0, 91.0)).contains("elevation of loudspeaker `a` is 91"));
         assert!(fault(one(0.0, f64::NAN)).contains("elevation"));
-        assert!(fault(vec![Speaker::new("", 0.0, 0.0)]).contains("loudspeaker 1 has no name"));
-        let twice = vec![Speaker::new("a", 0.0, 0.0), Speaker::new("a", 30.0, 0.0)];
+        assert!(fault(vec![Loudspeaker::new("", 0.0, 0.0)]).contains("loudspeaker 1 has no name"));
+        let twice = vec![Loudspeaker::new("a", 0.0, 0.0), Loudspeaker::new("a", 30.0, 0.0)];
         assert!(fault(twice).contains("two loudspeakers are called `a`"));
-        let low = vec![Speaker { is_lfe: true, ..Speaker::new("a", 0.0, 0.0) }];
+        let low = vec![Loudspeaker { is_lfe: true, ..Loudspeaker::new("a", 0.0, 0.0) }];
         assert!(fault(low).contains("low frequencies only"));
-        let many = (0..65).map(|i| Speaker::new(format!("s{i}"), f64::from(i), 0.0)).collect();
+        let many = (0..65).map(|i| Loudspeaker::new(format!("s{i}"), f64::from(i), 0.0)).collect();
         assert!(fault(many).contains("65 loudspeakers"));
         let fault = "5.1.3".parse::<Layout>().unwrap_err().to_string();
         assert!(fault.contains("unknown layout `5.1.3`, expected `mono`, `stereo`"), "{fault}");

@@ -1,21 +1,22 @@
 //! What reaches each microphone: positions in, gains and delays out.
 
-pub mod ambisonic;
-pub mod dipole;
-pub mod direction;
 pub mod air;
+pub mod ambisonic;
 pub mod bands;
 pub mod convolution;
+pub mod dipole;
+pub mod direction;
 pub mod directivity;
 pub mod extended;
-pub mod layout;
 pub mod head;
+pub mod layout;
 pub mod microphone;
 pub mod panning;
+mod pickup;
 pub mod propagation;
-mod sphere;
 pub mod reverberation;
 pub mod room;
+mod sphere;
 pub mod surroundings;
 pub mod tracing;
 mod track;

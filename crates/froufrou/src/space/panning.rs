@@ -24,8 +24,9 @@
 //!
 //! Gains are continuous in the direction everywhere.
 
-use super::layout::{Speaker, check};
+use super::layout::check;
 use super::sphere::{Face, Triangulation, cross, dot, hull, minus, unit};
+use crate::score::Loudspeaker;
 use crate::{Error, Result};
 
 /// A face nearer to the listener than this, as a part of the radius, counts as a gap: its circle is wider than 78°
@@ -74,7 +75,7 @@ impl Panner {
     /// # Errors
     /// Loudspeakers that are no layout (see [`Layout::new`](super::layout::Layout::new)), or two of them within half
     /// a degree.
-    pub fn new(speakers: &[Speaker]) -> Result<Self> {
+    pub fn new(speakers: &[Loudspeaker]) -> Result<Self> {
         check(speakers)?;
         let heard: Vec<usize> = (0..speakers.len()).filter(|&i| !speakers[i].is_lfe).collect();
         let directions: Vec<[f64; 3]> = heard.iter().map(|&i| speakers[i].direction()).collect();

@@ -16,13 +16,14 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque};
 
 use super::directivity::{Directivity, HARMONICS};
-use super::microphone::{NEAR_M, directivity, gain_and_distance, length};
+use super::microphone::{NEAR_M, length};
+use super::pickup::{Receiving, Toward};
 use super::surroundings::{End, Paths};
 use super::tracing::Tracing;
 use super::track::Track;
 use crate::score::{
     Arrival, ChannelHeader, ChannelLine, Cue, LATEST_S, LONGEST_DELAY_S, Microphone, MicrophoneKey,
-    MicrophoneShape, ObjectHeader, ObjectLine, Order, Placement, Pose, Start, Statement, Verb, Whereabouts,
+    ObjectHeader, ObjectLine, Order, Output, Pickup, Placement, Pose, Start, Statement, Verb, Whereabouts,
 };
 use crate::synth::path::FADE_S;
 use crate::{Error, Result};
@@ -36,6 +37,10 @@ const TRACED_M: f64 = 0.04;
 
 /// A path by way of a patch is silent below this gain.
 const SILENT: f64 = 1e-6;
+
+/// By no more than this the direction changes in which a head, a sound field or loudspeakers hear a source
+/// between two keys, in radians: less than can be told by ear.
+const TURN: f64 = 0.025;
 
 /// Keys are never closer than this, in seconds.
 const MIN_STEP_S: f64 = 0.0005;
@@ -58,8 +63,28 @@ pub fn channel_header(header: &ObjectHeader) -> ChannelHeader {
         patterns: Vec::new(),
         order: Order::Time,
         sounds: header.sounds.clone(),
-        receivers: header.receivers.iter().map(|m| m.name.clone()).collect(),
+        receivers: outputs(&header.receivers),
     }
+}
+
+/// Where what microphones pick up goes. One alone gives its channels their usual names; several put their own
+/// name before them.
+fn outputs(microphones: &[Microphone]) -> Vec<Output> {
+    let mut all = Vec::new();
+    for microphone in microphones {
+        let name = |channel: &str| match microphones.len() {
+            1 => channel.to_owned(),
+            _ => format!("{} {channel}", microphone.name),
+        };
+        match &microphone.pickup {
+            Pickup::Shape(_) => all.push(Output::Channel(microphone.name.clone())),
+            Pickup::Binaural { head } => {
+                all.push(Output::Head { ears: ["left", "right"].map(name), head: head.clone() });
+            }
+            pickup => all.extend(pickup.channels().iter().map(|channel| Output::Channel(name(channel)))),
+        }
+    }
+    all
 }
 
 /// Turns the lines of an object-space score, in time order, into those of a channel-space score, in
@@ -104,26 +129,26 @@ impl Ord for Time {
 
 /// A microphone and its ways, one after each cut.
 struct Ear {
-    shape: MicrophoneShape,
-    /// Position and facing; a new take begins at each cut.
-    takes: VecDeque<Track<6>>,
+    receiving: Receiving,
+    /// Position, facing and up; a new take begins at each cut.
+    takes: VecDeque<Track<9>>,
     /// The number of the first take that is still held.
     first_take: usize,
     moves: bool,
 }
 
 impl Ear {
-    fn new(microphone: &Microphone) -> Self {
+    fn new(microphone: &Microphone) -> Result<Self> {
         let fixed = microphone.fixed.map(|pose| Track::still(pose_values(&pose)));
-        Self {
-            shape: microphone.shape,
+        Ok(Self {
+            receiving: Receiving::new(&microphone.pickup)?,
             moves: fixed.is_none(),
             takes: fixed.into_iter().collect(),
             first_take: 0,
-        }
+        })
     }
 
-    fn take(&self, take: usize) -> Option<&Track<6>> {
+    fn take(&self, take: usize) -> Option<&Track<9>> {
         self.takes.get(take.saturating_sub(self.first_take))
     }
 
@@ -154,9 +179,9 @@ impl Ear {
     }
 }
 
-fn pose_values(pose: &Pose) -> [f64; 6] {
-    let ([x, y, z], [fx, fy, fz]) = (pose.position_m, pose.facing);
-    [x, y, z, fx, fy, fz]
+fn pose_values(pose: &Pose) -> [f64; 9] {
+    let ([x, y, z], [fx, fy, fz], [ux, uy, uz]) = (pose.position_m, pose.facing, pose.up);
+    [x, y, z, fx, fy, fz, ux, uy, uz]
 }
 
 /// The lines as they come in: those of the microphones become their ways, those of threads wait for
@@ -276,10 +301,22 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Inbox<L> {
 
     /// Where a microphone is at a time in a take, and how fast it moves.
     fn pose(&mut self, ear: usize, take: usize, time_s: f64) -> Result<(Pose, [f64; 3])> {
+        self.motion(ear, take, time_s).map(|(pose, velocity, _)| (pose, velocity))
+    }
+
+    /// The same, and how fast it turns, in radians a second or a little more.
+    fn motion(&mut self, ear: usize, take: usize, time_s: f64) -> Result<(Pose, [f64; 3], f64)> {
         loop {
             if let Some(track) = self.ears[ear].take(take).filter(|track| track.is_known(time_s)) {
-                let ([x, y, z, fx, fy, fz], [vx, vy, vz, ..]) = track.at(time_s);
-                return Ok((Pose { position_m: [x, y, z], facing: [fx, fy, fz] }, [vx, vy, vz]));
+                let ([x, y, z, fx, fy, fz, ux, uy, uz], [vx, vy, vz, fvx, fvy, fvz, uvx, uvy, uvz]) =
+                    track.at(time_s);
+                let pose = Pose { position_m: [x, y, z], facing: [fx, fy, fz], up: [ux, uy, uz] };
+                let turning = |value: [f64; 3], rate: [f64; 3]| match length(value) {
+                    long if long > 0.0 => length(rate) / long,
+                    _ => 0.0,
+                };
+                let turns = turning(pose.facing, [fvx, fvy, fvz]) + turning(pose.up, [uvx, uvy, uvz]);
+                return Ok((pose, [vx, vy, vz], turns));
             }
             if !self.read()? && self.ears[ear].take(take).is_none() {
                 return Err(Error::new(format!("microphone {} of the score has no place", ear + 1))
@@ -310,16 +347,17 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Inbox<L> {
         Ok(arrival_s)
     }
 
-    /// What reaches a microphone at a take from a place now, at unit gain.
-    fn arrival(&mut self, ear: usize, take: usize, position_m: [f64; 3], time_s: f64) -> Result<Arrival> {
+    /// How what leaves a place now reaches a microphone at a take: where that is then, and how late it is.
+    fn meeting(&mut self, ear: usize, take: usize, position_m: [f64; 3], time_s: f64) -> Result<(Pose, f64)> {
         let arrival_s = self.arrival_s(ear, take, position_m, time_s)?;
         let (pose, _) = self.pose(ear, take, arrival_s)?;
-        let (gain, distance_m) = gain_and_distance(self.ears[ear].shape, &pose, position_m);
         // Where nothing moves the delay is d / c to the last bit, not a difference of times.
-        let still = !self.ears[ear].moves;
-        let delay_s =
-            if still { self.delay_s(distance_m) } else { (arrival_s - time_s).clamp(0.0, LONGEST_DELAY_S) };
-        Ok(Arrival { gain, delay_s })
+        let delay_s = if self.ears[ear].moves {
+            (arrival_s - time_s).clamp(0.0, LONGEST_DELAY_S)
+        } else {
+            self.delay_s(distance(position_m, pose.position_m))
+        };
+        Ok((pose, delay_s))
     }
 }
 
@@ -361,13 +399,16 @@ struct Source {
 
 impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
     /// What the microphones of a score hear of its lines.
-    pub fn new(header: &ObjectHeader, lines: L) -> Self {
-        Self {
+    ///
+    /// # Errors
+    /// Loudspeakers over which no sound can be spread.
+    pub fn new(header: &ObjectHeader, lines: L) -> Result<Self> {
+        Ok(Self {
             inbox: Inbox {
                 lines,
                 next: None,
                 speed_of_sound_mps: header.speed_of_sound_mps,
-                ears: header.receivers.iter().map(Ear::new).collect(),
+                ears: header.receivers.iter().map(Ear::new).collect::<Result<_>>()?,
                 waiting: BTreeMap::new(),
                 cues: BTreeMap::new(),
                 begun: Vec::new(),
@@ -383,7 +424,7 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
             due: BinaryHeap::new(),
             ready: VecDeque::new(),
             failed: false,
-        }
+        })
     }
 
     /// The same among surroundings that reflect and hide.
@@ -560,9 +601,13 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
         let (position, velocity) = source.track.at(time_s);
         let (mut step_s, mut bound_s) = (f64::INFINITY, line_s);
         for (ear, &take) in source.takes.iter().enumerate() {
-            let (pose, ear_velocity) = self.inbox.pose(ear, take, time_s)?;
+            let (pose, ear_velocity, turns) = self.inbox.motion(ear, take, time_s)?;
             let apart_m = distance(position, pose.position_m).max(NEAR_M);
-            step_s = step_s.min((STEP * apart_m / distance(velocity, ear_velocity)).max(MIN_STEP_S));
+            let passing = distance(velocity, ear_velocity) / apart_m;
+            step_s = step_s.min((STEP / passing).max(MIN_STEP_S));
+            if self.inbox.ears[ear].receiving.is_turned() {
+                step_s = step_s.min((TURN / (passing + turns)).max(MIN_STEP_S));
+            }
             let ear = &self.inbox.ears[ear];
             if let Some(key_s) = ear.take(take).filter(|_| ear.moves).and_then(|track| track.next_s(time_s)) {
                 bound_s = bound_s.min(key_s.max(time_s + MIN_STEP_S));
@@ -639,8 +684,10 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
         let line =
             |path, verb, value| ChannelLine::Thread(Statement { thread: id, path, time_s, verb, value });
         if let Some(around) = source.around {
-            let heard = |ear| if ear == around { gain } else { 0.0 };
-            let value = (0..ears).map(|ear| Arrival { gain: heard(ear), delay_s: 0.0 }).collect();
+            let mut value = Vec::with_capacity(ears);
+            for (ear, microphone) in inbox.ears.iter().enumerate() {
+                microphone.receiving.around(if ear == around { gain } else { 0.0 }, &mut value);
+            }
             ready.push_back(line(0, verb, value));
             return Ok(());
         }
@@ -650,9 +697,9 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
         // One value an ear, for every patch.
         let mut bounced: Vec<Vec<Arrival>> = Vec::new();
         for (ear, &take) in source.takes.iter().enumerate() {
-            let mut arrival = inbox.arrival(ear, take, position_m, time_s)?;
-            let (pose, _) = inbox.pose(ear, take, time_s + arrival.delay_s)?;
+            let (pose, delay_s) = inbox.meeting(ear, take, position_m, time_s)?;
             let toward = |m: [f64; 3]| radiated(std::array::from_fn(|i| m[i] - position_m[i]));
+            let mut share = 1.0;
             if let Some(tracing) = tracing {
                 let from = End { position_m, thing: source.thing };
                 let to = End { position_m: pose.position_m, thing: None };
@@ -663,21 +710,21 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
                     let (late, _) = inbox.pose(ear, take, time_s + inbox.delay_s(bounce.length_m))?;
                     let apart = |m: [f64; 3]| distance(m, bounce.point_m);
                     let length_m = bounce.length_m + apart(late.position_m) - apart(pose.position_m);
-                    let heard = hears(inbox.ears[ear].shape, &late, bounce.point_m);
-                    values.push(Arrival {
-                        gain: bounce.gain * heard * toward(bounce.point_m) * gain,
-                        delay_s: inbox.delay_s(length_m.max(0.0)),
-                    });
+                    let gain = bounce.gain * toward(bounce.point_m) * gain;
+                    let delay_s = inbox.delay_s(length_m.max(0.0));
+                    let from = Toward::new(&late, bounce.point_m);
+                    inbox.ears[ear].receiving.hear(from, length_m, gain, delay_s, values);
                 }
-                arrival.gain *= paths.direct;
+                share = paths.direct;
             }
-            arrival.gain *= gain * toward(pose.position_m);
-            direct.push(arrival);
+            let from = Toward::new(&pose, position_m);
+            let gain = share * gain * toward(pose.position_m) / from.distance_m.max(NEAR_M);
+            inbox.ears[ear].receiving.hear(from, from.distance_m, gain, delay_s, &mut direct);
         }
         ready.push_back(line(0, verb.clone(), direct));
         for (number, value) in bounced.into_iter().enumerate() {
             let path = number as u32 + 1;
-            let sounds = value.iter().any(|arrival| arrival.gain > SILENT);
+            let sounds = value.iter().any(|arrival| arrival.gain.abs() > SILENT);
             let begun = source.heard.contains(&path);
             let verb = match (&verb, begun, sounds) {
                 (_, false, false) | (Verb::End, false, _) => continue,
@@ -694,14 +741,6 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
         }
         Ok(())
     }
-}
-
-/// The gain of a microphone for what comes from a place, distance left out.
-fn hears(shape: MicrophoneShape, microphone: &Pose, from_m: [f64; 3]) -> f64 {
-    let toward: [f64; 3] = std::array::from_fn(|i| from_m[i] - microphone.position_m[i]);
-    let reach = length(toward).max(NEAR_M) * length(microphone.facing);
-    let along: f64 = (0..3).map(|i| toward[i] * microphone.facing[i]).sum();
-    directivity(shape, if reach > 0.0 { along / reach } else { 0.0 })
 }
 
 /// A source that is not turned.
@@ -760,13 +799,13 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Iterator for Propagation<L> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::score::{Header, Start};
+    use crate::score::{Header, MicrophoneShape, Start};
 
     const OMNI: MicrophoneShape = MicrophoneShape { c: 0.0, k: 0.0 };
 
     fn header(fixed: Option<[f64; 3]>) -> ObjectHeader {
-        let pose = |position_m| Pose { position_m, facing: [0.0, 0.0, -1.0] };
-        let microphone = Microphone { name: "m".into(), shape: OMNI, fixed: fixed.map(pose) };
+        let pose = |position_m| Pose::upright(position_m, [0.0, 0.0, -1.0]);
+        let microphone = Microphone { name: "m".into(), pickup: Pickup::Shape(OMNI), fixed: fixed.map(pose) };
         Header { speed_of_sound_mps: 340.0, ..Header::new(Order::Time, vec![microphone]) }
     }
 
@@ -781,12 +820,12 @@ mod tests {
     }
 
     fn hear(time_s: f64, position_m: [f64; 3], cut: bool) -> Result<ObjectLine> {
-        let pose = Pose { position_m, facing: [1.0, 0.0, 0.0] };
+        let pose = Pose::upright(position_m, [1.0, 0.0, 0.0]);
         Ok(ObjectLine::Microphone(MicrophoneKey { microphone: 0, time_s, pose, cut }))
     }
 
     fn propagate(header: &ObjectHeader, lines: Vec<Result<ObjectLine>>) -> Vec<Statement<Vec<Arrival>>> {
-        let lines = Propagation::new(header, lines.into_iter()).map(|line| line.unwrap());
+        let lines = Propagation::new(header, lines.into_iter()).unwrap().map(|line| line.unwrap());
         let lines: Vec<_> = lines.filter_map(|line| line.statement().cloned()).collect();
         assert!(lines.windows(2).all(|w| w[0].time_s <= w[1].time_s), "in time order");
         lines
@@ -800,7 +839,7 @@ mod tests {
         );
         assert_eq!(lines.len(), 2);
         for line in &lines {
-            assert_eq!(line.value, [Arrival { gain: 0.4, delay_s: 5.0 / 340.0 }]);
+            assert_eq!(line.value, [Arrival::new(0.4, 5.0 / 340.0)]);
         }
     }
 
@@ -815,6 +854,7 @@ mod tests {
             emission_s: l.time_s,
             delay_s: l.value[0].delay_s,
             gain: l.value[0].gain,
+            filter: crate::synth::path::UNFILTERED,
         };
         let mut segments = Vec::new();
         let mut path = crate::synth::path::PathBuilder::new(key(&lines[0]), false, 0.0);
@@ -912,7 +952,8 @@ mod tests {
     #[test]
     fn a_microphone_without_a_place_is_an_error() {
         let lines = vec![line(1, 0.0, start(), [1.0; 3]), line(1, 1.0, Verb::End, [1.0; 3])];
-        let error = Propagation::new(&header(None), lines.into_iter()).find_map(Result::err).unwrap();
+        let error =
+            Propagation::new(&header(None), lines.into_iter()).unwrap().find_map(Result::err).unwrap();
         assert!(error.to_string().contains("microphone 1 of the score has no place"), "{error}");
     }
 }

@@ -7,12 +7,15 @@
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::filter::{Filters, add_filtered};
 use super::instrument::Instrument;
-use super::path::{PathBuilder, PathKey, Segment};
+use super::path::{PathBuilder, PathKey, Segment, UNFILTERED};
+use super::receivers::Receiver;
 use super::sinc;
 use super::source::Source;
 use super::voice::{self, Playback, Prototype, Signal};
@@ -65,6 +68,8 @@ struct Thread {
     /// One path a channel.
     builders: Vec<PathBuilder>,
     segments: Vec<Vec<Segment>>,
+    /// What its segments pass.
+    filters: Filters,
     ended: bool,
     /// Whether it begins within the sound, and else how far before its first key it may ring.
     fades_in: bool,
@@ -126,6 +131,10 @@ pub struct Begun {
 pub struct Voices {
     rate_hz: f64,
     channels: usize,
+    receivers: Vec<Receiver>,
+    /// For so many frames a filter makes what arrives heard before and after its time.
+    lead: usize,
+    tail: usize,
     sounds: Vec<Sounding>,
     threads: BTreeMap<(u64, u32), Thread>,
     /// The signals of the threads that are synthesised.
@@ -144,28 +153,39 @@ impl Voices {
     /// released ([`Mixer::release`]). Blocks may be rendered in any order and at the same time.
     pub fn render(&self, frame: u64, frames: usize, with_stems: bool) -> Block {
         let mut block = Block { mix: vec![0.0; frames * self.channels], stems: BTreeMap::new() };
-        let (mut voice, mut window) = (vec![0.0; frames], Vec::new());
-        let (begin_s, end_s) = (frame as f64 / self.rate_hz, (frame + frames as u64) as f64 / self.rate_hz);
+        let mut scratch = Scratch { voice: vec![0.0; frames], ..Scratch::default() };
+        let begin_s = frame.saturating_sub(self.tail as u64) as f64 / self.rate_hz;
+        let end_s = (frame + (frames + self.lead) as u64) as f64 / self.rate_hz;
         for (&(id, _), thread) in &self.threads {
             let Some(signal) = self.signal(id, thread.sound) else { continue };
-            for (channel, segments) in thread.segments.iter().enumerate() {
-                let sounding = |s: &&Segment| s.begin_s < end_s && s.end_s > begin_s && s.gain != [0.0; 2];
-                for segment in segments.iter().filter(sounding) {
-                    let touched = voice::add_segment(
-                        signal,
-                        &thread.playback,
-                        segment,
-                        self.rate_hz,
-                        frame,
-                        &mut voice,
-                        &mut window,
-                    );
-                    let at = channel * frames + touched.start..channel * frames + touched.end;
-                    let part = &mut voice[touched];
-                    add(&mut block.mix[at.clone()], part);
-                    if with_stems {
-                        let stem = block.stems.entry(thread.object);
-                        add(&mut stem.or_insert_with(|| vec![0.0; frames * self.channels])[at], part);
+            // Channels that differ in their gains alone hear one reading.
+            for group in thread.segments.chunk_by(|a, b| are_alike(a, b)) {
+                let first_channel = offset_of(&thread.segments, group);
+                for (index, segment) in group[0].iter().enumerate() {
+                    let gains = || group.iter().map(|segments| segments[index].gain);
+                    if segment.begin_s >= end_s || segment.end_s <= begin_s || gains().all(|g| g == [0.0; 2])
+                    {
+                        continue;
+                    }
+                    let read = match group.len() {
+                        1 => *segment,
+                        _ => Segment { gain: [1.0; 2], ..*segment },
+                    };
+                    let touched = self.add_segment(thread, signal, &read, frame, &mut scratch);
+                    let part = &mut scratch.voice[touched.clone()];
+                    for (channel, gain) in gains().enumerate().filter(|&(_, gain)| gain != [0.0; 2]) {
+                        let begin = (first_channel + channel) * frames;
+                        let at = begin + touched.start..begin + touched.end;
+                        let first = frame + touched.start as u64;
+                        let into = |to: &mut [f64]| match group.len() {
+                            1 => add(to, part),
+                            _ => add_faded(to, part, &Segment { gain, ..*segment }, first, self.rate_hz),
+                        };
+                        into(&mut block.mix[at.clone()]);
+                        if with_stems {
+                            let stem = block.stems.entry(thread.object);
+                            into(&mut stem.or_insert_with(|| vec![0.0; frames * self.channels])[at]);
+                        }
                     }
                     part.fill(0.0);
                 }
@@ -173,6 +193,68 @@ impl Voices {
         }
         block
     }
+
+    /// Renders a segment that passes a filter; the range of the block that was touched.
+    fn add_segment(
+        &self,
+        thread: &Thread,
+        signal: Signal<'_>,
+        segment: &Segment,
+        frame: u64,
+        scratch: &mut Scratch,
+    ) -> Range<usize> {
+        let Scratch { voice, window, arriving, part, filtered } = scratch;
+        let [from, to] = segment.filter;
+        if from == UNFILTERED || to == UNFILTERED {
+            let rate_hz = self.rate_hz;
+            return voice::add_segment(signal, &thread.playback, segment, rate_hz, frame, voice, window);
+        }
+        // What arrives a little earlier or later is heard in this block as well.
+        let first = frame.saturating_sub(self.tail as u64);
+        let count = (frame - first) as usize + voice.len() + self.lead;
+        arriving.clear();
+        arriving.resize(count, 0.0);
+        let touched =
+            voice::add_segment(signal, &thread.playback, segment, self.rate_hz, first, arriving, window);
+        if touched.is_empty() {
+            return 0..0;
+        }
+        let input_frame = first + touched.start as u64;
+        let input = &arriving[touched];
+        filtered.clear();
+        filtered.resize(voice.len(), 0.0);
+        let length_s = segment.end_s - segment.begin_s;
+        for (number, side) in [(from, false), (to, true)] {
+            let Some(filter) = thread.filters.get(number) else { continue };
+            part.clear();
+            part.extend(input.iter().enumerate().map(|(index, &sample)| {
+                if from == to {
+                    return sample as f32;
+                }
+                let arrival_s = (input_frame + index as u64) as f64 / self.rate_hz;
+                let along = ((arrival_s - segment.begin_s) / length_s).clamp(0.0, 1.0);
+                (sample * if side { along } else { 1.0 - along }) as f32
+            }));
+            add_filtered(part, input_frame, filter, filtered, frame);
+            if from == to {
+                break;
+            }
+        }
+        for (sample, filtered) in voice.iter_mut().zip(filtered.iter()) {
+            *sample = f64::from(*filtered);
+        }
+        0..voice.len()
+    }
+}
+
+/// Memory that rendering uses again and again.
+#[derive(Default)]
+struct Scratch {
+    voice: Vec<f64>,
+    window: Vec<f32>,
+    arriving: Vec<f64>,
+    part: Vec<f32>,
+    filtered: Vec<f32>,
 }
 
 /// Mixes the lines of a channel-space score, which come in time order.
@@ -194,14 +276,14 @@ pub struct Mixer<L> {
 }
 
 impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
-    /// A mixer of `channels` channels at `rate_hz`, for the lines of a score and the sounds that its
+    /// A mixer at `rate_hz`, for the lines of a score, its receivers in their order and the sounds that its
     /// `start` lines name.
     ///
     /// # Errors
     /// The first line, where it cannot be read.
     pub fn new(
         rate_hz: u32,
-        channels: usize,
+        receivers: Vec<Receiver>,
         sounds: impl IntoIterator<Item = (String, Sounding)>,
         lines: L,
     ) -> Result<Self> {
@@ -212,7 +294,10 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         }
         let voices = Voices {
             rate_hz: f64::from(rate_hz),
-            channels,
+            channels: receivers.iter().map(Receiver::channels).sum(),
+            lead: receivers.iter().map(|receiver| receiver.reach()[0]).max().unwrap_or(0),
+            tail: receivers.iter().map(|receiver| receiver.reach()[1]).max().unwrap_or(0),
+            receivers,
             sounds: soundings,
             threads: BTreeMap::new(),
             sources: BTreeMap::new(),
@@ -296,6 +381,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
     /// A line that cannot be read, or one that does not fit those before it; a synthesised sound that
     /// fails, unless the mixer keeps going.
     pub fn read_to(&mut self, end_frame: u64) -> Result<()> {
+        let end_frame = end_frame + self.voices.lead as u64;
         self.read_lines(end_frame)?;
         self.synthesise(self.released, end_frame)
     }
@@ -305,8 +391,9 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
     /// # Errors
     /// As [`Mixer::read_to`].
     pub fn skip_to(&mut self, frame: u64) -> Result<()> {
-        self.read_lines(frame)?;
-        self.synthesise(frame, frame)?;
+        self.read_lines(frame + self.voices.lead as u64)?;
+        let still_heard = frame.saturating_sub(self.voices.tail as u64);
+        self.synthesise(still_heard, still_heard)?;
         self.release(frame);
         Ok(())
     }
@@ -387,14 +474,18 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         faults.into_iter().next().map_or(Ok(()), Err)
     }
 
-    /// Forgets what has arrived before `frame`.
+    /// Forgets what has been heard before `frame`.
     pub fn release(&mut self, frame: u64) {
+        let frame = frame.saturating_sub(self.voices.tail as u64);
         self.released = self.released.max(frame);
         let time_s = frame as f64 / self.voices.rate_hz;
         self.voices.threads.retain(|_, thread| {
             for segments in &mut thread.segments {
                 segments.retain(|s| s.end_s > time_s);
             }
+            let known = thread.segments.iter().flatten().flat_map(|segment| segment.filter);
+            let coming = thread.builders.iter().flat_map(PathBuilder::keys).map(|key| key.filter);
+            thread.filters.release(known.chain(coming));
             !(thread.ended && thread.segments.iter().all(Vec::is_empty))
         });
         let Voices { threads, sources, .. } = &mut self.voices;
@@ -422,18 +513,18 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
     /// Takes a line of a path in.
     fn follow(&mut self, line: Statement<Vec<Arrival>>) -> Result<()> {
         let id = line.thread;
-        if line.value.len() != self.voices.channels {
+        if line.value.len() != self.voices.receivers.len() {
             return Err(Error::new(format!(
-                "thread {id} has {} pairs of gain and delay at {} s; there are {} channels",
+                "thread {id} has {} pairs of gain and delay at {} s; there are {} outputs",
                 line.value.len(),
                 line.time_s,
-                self.voices.channels
+                self.voices.receivers.len()
             )));
         }
-        for (channel, arrival) in line.value.iter().enumerate() {
-            check_arrival(arrival).map_err(|what| {
-                let channel = channel + 1;
-                Error::new(format!("thread {id} has {what} in channel {channel} at {} s", line.time_s))
+        for (index, (arrival, receiver)) in line.value.iter().zip(&self.voices.receivers).enumerate() {
+            check_arrival(arrival, receiver).map_err(|what| {
+                let output = index + 1;
+                Error::new(format!("thread {id} has {what} in output {output} at {} s", line.time_s))
             })?;
         }
         let of = (id, line.path);
@@ -478,26 +569,29 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         // It begins within the sound, but for one that begins with it.
         let fades_in = direct.fades_in || time_s > playback.start_s;
         let lead_s = direct.lead_s;
-        let builders: Vec<_> =
-            path_keys(time_s, value).map(|k| PathBuilder::new(k, fades_in, lead_s)).collect();
-        match self.voices.threads.entry(of) {
+        let Voices { threads, receivers, channels, .. } = &mut self.voices;
+        match threads.entry(of) {
             Entry::Occupied(mut before) if before.get().ended => {
                 // What is still under way from before goes on.
                 let path = before.get_mut();
-                path.builders = builders;
+                let keys = path_keys(receivers, &mut path.filters, time_s, value);
+                path.builders = keys.map(|key| PathBuilder::new(key, fades_in, lead_s)).collect();
                 path.ended = false;
             }
             Entry::Occupied(_) => {
                 return Err(Error::new(format!("path {}/{} begins twice", of.0, of.1)));
             }
             Entry::Vacant(place) => {
-                let segments = vec![Vec::new(); self.voices.channels];
+                let mut filters = Filters::default();
+                let keys = path_keys(receivers, &mut filters, time_s, value);
+                let builders = keys.map(|key| PathBuilder::new(key, fades_in, lead_s)).collect();
                 place.insert(Thread {
                     sound,
                     playback,
                     object,
                     builders,
-                    segments,
+                    segments: vec![Vec::new(); *channels],
+                    filters,
                     ended: false,
                     fades_in,
                     lead_s,
@@ -539,8 +633,9 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             }
         };
         let lead_s = playback.lead_s(sound_rate_hz, rate_hz).min(ONSET_S);
-        let builders: Vec<_> =
-            path_keys(time_s, value).map(|k| PathBuilder::new(k, fades_in, lead_s)).collect();
+        let mut filters = Filters::default();
+        let keys = path_keys(&self.voices.receivers, &mut filters, time_s, value);
+        let builders = keys.map(|key| PathBuilder::new(key, fades_in, lead_s)).collect();
         let object = match self.object_indices.get(&start.object) {
             Some(&object) => object,
             None => {
@@ -554,10 +649,11 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             thread: id,
             time_s,
             arrival_s: time_s + value.iter().map(|v| v.delay_s).fold(f64::INFINITY, f64::min),
-            gain: value.iter().map(|v| v.gain).fold(0.0, f64::max),
+            gain: value.iter().map(|v| v.gain.abs()).fold(0.0, f64::max),
             start,
         });
-        let thread = Thread { sound, playback, object, builders, segments, ended: false, fades_in, lead_s };
+        let ended = false;
+        let thread = Thread { sound, playback, object, builders, segments, filters, ended, fades_in, lead_s };
         if self.voices.threads.insert((id, 0), thread).is_some() {
             return Err(Error::new(format!("thread {id} starts twice")));
         }
@@ -565,9 +661,12 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
     }
 
     fn through(&mut self, of: (u64, u32), time_s: f64, value: &[Arrival], jump: bool) -> Result<()> {
-        let thread = self.thread(of)?;
+        self.thread(of)?;
+        let Voices { threads, receivers, .. } = &mut self.voices;
+        let Some(thread) = threads.get_mut(&of) else { return Ok(()) };
+        let keys = path_keys(receivers, &mut thread.filters, time_s, value);
         let paths = thread.builders.iter_mut().zip(&mut thread.segments);
-        for ((builder, segments), key) in paths.zip(path_keys(time_s, value)) {
+        for ((builder, segments), key) in paths.zip(keys) {
             let mut emit = |segment| segments.push(segment);
             if jump { builder.jump(key, &mut emit) } else { builder.key(key, &mut emit) }
         }
@@ -576,17 +675,19 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
 
     /// Ends a thread at a key, or at its last one.
     fn end(&mut self, of: (u64, u32), at: Option<(f64, &[Arrival])>) {
-        let Some(thread) = self.voices.threads.get_mut(&of) else { return };
-        for (channel, (builder, segments)) in thread.builders.iter_mut().zip(&mut thread.segments).enumerate()
-        {
-            let key = match at {
-                Some((time_s, value)) => path_key(time_s, &value[channel]),
-                None => builder.last(),
-            };
+        let Voices { threads, receivers, rate_hz, tail, .. } = &mut self.voices;
+        let Some(thread) = threads.get_mut(&of) else { return };
+        let tail_s = *tail as f64 / *rate_hz;
+        let keys: Vec<PathKey> = match at {
+            Some((time_s, value)) => path_keys(receivers, &mut thread.filters, time_s, value).collect(),
+            None => thread.builders.iter().map(PathBuilder::last).collect(),
+        };
+        let paths = thread.builders.iter_mut().zip(&mut thread.segments);
+        for ((builder, segments), key) in paths.zip(keys) {
             builder.end(key, &mut |segment| segments.push(segment));
             // What left before a jump may arrive after what left behind it.
             let end_s = segments.iter().map(|s| s.end_s).fold(0.0, f64::max);
-            self.last_arrival_s = self.last_arrival_s.max(end_s);
+            self.last_arrival_s = self.last_arrival_s.max(end_s + tail_s);
         }
         thread.ended = true;
     }
@@ -610,9 +711,15 @@ fn in_thread(fault: Error, thread: u64, sound: Option<usize>, names: &BTreeMap<S
 }
 
 /// Says what an arrival has that cannot be mixed.
-fn check_arrival(arrival: &Arrival) -> Result<(), String> {
-    if !arrival.gain.is_finite() || arrival.gain < 0.0 {
+fn check_arrival(arrival: &Arrival, receiver: &Receiver) -> Result<(), String> {
+    if !arrival.gain.is_finite() {
         return Err(format!("a gain of {}", arrival.gain));
+    }
+    match (receiver, arrival.from_m) {
+        (Receiver::Channel, None) => {}
+        (Receiver::Head(_), Some(from_m)) if from_m.iter().all(|c| c.is_finite()) => {}
+        (Receiver::Channel, Some(_)) => return Err("a place from where it comes to a channel".into()),
+        (Receiver::Head(_), _) => return Err("no place from where it comes to a head".into()),
     }
     if !(0.0..=LONGEST_DELAY_S).contains(&arrival.delay_s) {
         return Err(format!("a delay of {} s, not 0 to {LONGEST_DELAY_S} s,", arrival.delay_s));
@@ -620,12 +727,43 @@ fn check_arrival(arrival: &Arrival) -> Result<(), String> {
     Ok(())
 }
 
-fn path_key(emission_s: f64, arrival: &Arrival) -> PathKey {
-    PathKey { emission_s, delay_s: arrival.delay_s, gain: arrival.gain }
+/// The keys of all channels for what arrives at the receivers.
+fn path_keys<'a>(
+    receivers: &'a [Receiver],
+    filters: &'a mut Filters,
+    emission_s: f64,
+    value: &'a [Arrival],
+) -> impl Iterator<Item = PathKey> + 'a {
+    receivers.iter().zip(value).flat_map(move |(receiver, arrival)| {
+        let &Arrival { gain, delay_s, from_m } = arrival;
+        let plain = PathKey { emission_s, delay_s, gain, filter: UNFILTERED };
+        let ears = match (receiver, from_m) {
+            (Receiver::Head(head), Some(from_m)) => Some(head.ears(plain, from_m, filters)),
+            _ => None,
+        };
+        ears.map_or([Some(plain), None], |ears| ears.map(Some)).into_iter().flatten()
+    })
 }
 
-fn path_keys(emission_s: f64, value: &[Arrival]) -> impl Iterator<Item = PathKey> {
-    value.iter().map(move |arrival| path_key(emission_s, arrival))
+/// Whether two channels hear a thread with other gains at most.
+fn are_alike(a: &[Segment], b: &[Segment]) -> bool {
+    let same = |(a, b): (&Segment, &Segment)| Segment { gain: b.gain, ..*a } == *b;
+    a.len() == b.len() && a.iter().zip(b).all(same)
+}
+
+/// Which of all elements the first of a part of them is.
+fn offset_of<T>(all: &[T], part: &[T]) -> usize {
+    all.element_offset(&part[0]).unwrap_or(0)
+}
+
+/// Adds samples from a frame on with the gain of a segment.
+fn add_faded(to: &mut [f64], from: &[f64], segment: &Segment, first: u64, rate_hz: f64) {
+    let [begin, end] = segment.gain;
+    let slope = (end - begin) / (segment.end_s - segment.begin_s);
+    for ((to, from), index) in to.iter_mut().zip(from).zip(0..) {
+        let arrival_s = (first + index) as f64 / rate_hz;
+        *to += from * (begin + slope * (arrival_s - segment.begin_s));
+    }
 }
 
 fn add(to: &mut [f64], from: &[f64]) {

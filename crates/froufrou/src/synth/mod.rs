@@ -1,5 +1,6 @@
 //! What the signal is: threads in, samples out, block by block.
 
+mod filter;
 mod gate;
 pub mod instrument;
 pub mod mixer;
@@ -8,6 +9,7 @@ pub mod needle;
 pub mod path;
 pub mod procedure;
 pub mod prototypes;
+pub mod receivers;
 pub mod sinc;
 mod source;
 pub mod stick_slip;

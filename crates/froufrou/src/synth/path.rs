@@ -30,7 +30,12 @@ pub struct PathKey {
     pub delay_s: f64,
     /// Pressure gain.
     pub gain: f64,
+    /// The number of the filter that it passes, or [`UNFILTERED`].
+    pub filter: u32,
 }
+
+/// Stands for no filter.
+pub const UNFILTERED: u32 = u32::MAX;
 
 impl PathKey {
     /// When the sound arrives, in seconds.
@@ -85,6 +90,8 @@ pub struct Segment {
     pub slope: [f64; 2],
     /// Gain at the beginning and at the end.
     pub gain: [f64; 2],
+    /// Numbers of the filters at the beginning and at the end.
+    pub filter: [u32; 2],
     /// Where it fades.
     pub fades: Fades,
 }
@@ -147,6 +154,11 @@ impl PathBuilder {
             fades: Fades { in_s, out_s: f64::INFINITY },
             lead_s: if fades_in { 0.0 } else { lead_s },
         }
+    }
+
+    /// The keys that segments to come depend on.
+    pub fn keys(&self) -> &[PathKey] {
+        &self.keys[..self.count.min(3)]
     }
 
     /// The last key.
@@ -218,6 +230,7 @@ impl PathBuilder {
             delay_s: [last.delay_s, last.delay_s + slope * length_s],
             slope: [slope; 2],
             gain: [last.gain; 2],
+            filter: [last.filter; 2],
             fades: Fades { out_s: last.emission_s, ..self.fades },
         });
     }
@@ -251,6 +264,7 @@ impl PathBuilder {
                 delay_s: [first.delay_s - self.slope * self.lead_s, first.delay_s],
                 slope: [self.slope; 2],
                 gain: [first.gain; 2],
+                filter: [first.filter; 2],
                 fades: self.fades,
             });
         }
@@ -263,6 +277,7 @@ impl PathBuilder {
             delay_s: [a.delay_s, b.delay_s],
             slope,
             gain: [a.gain, b.gain],
+            filter: [a.filter, b.filter],
             fades: self.fades.within(a.emission_s, b.emission_s),
         }
     }
@@ -307,7 +322,7 @@ mod tests {
     }
 
     fn key(emission_s: f64, delay_s: f64) -> PathKey {
-        PathKey { emission_s, delay_s, gain: 1.0 }
+        PathKey { emission_s, delay_s, gain: 1.0, filter: UNFILTERED }
     }
 
     #[test]

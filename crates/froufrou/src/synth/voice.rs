@@ -209,6 +209,7 @@ impl pulp::WithSimd for Reading<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::path::UNFILTERED;
     use super::*;
 
     fn still(begin_s: f64, end_s: f64, delay_s: f64, gain: f64) -> Segment {
@@ -218,6 +219,7 @@ mod tests {
             delay_s: [delay_s; 2],
             slope: [0.0; 2],
             gain: [gain; 2],
+            filter: [UNFILTERED; 2],
             fades: Fades::NONE,
         }
     }
@@ -298,6 +300,7 @@ mod tests {
             delay_s: [0.09, 0.12],
             slope: [0.2, 0.4],
             gain: [0.3, 0.9],
+            filter: [UNFILTERED; 2],
             fades: Fades { in_s: 0.12, out_s: 0.18 },
         };
         let mut whole = vec![0.0; 20_000];

@@ -11,6 +11,7 @@ use froufrou::scene::Scene;
 use froufrou::score::ChannelHeader;
 use froufrou::synth::mixer::{Begun, Mixer};
 use froufrou::synth::prototypes::Soundings;
+use froufrou::synth::receivers;
 use tempfile::TempDir;
 
 /// A folder that is gone when the test is over.
@@ -88,12 +89,13 @@ impl Studio {
     pub fn scene(&self, scene: &str, take: Take) -> Result<Sound> {
         let production = self.production(scene)?;
         let lines = production.channel_lines()?;
-        render(&production.channel_header(), production.prototypes.clone(), lines, take)
+        let folder = &production.scene.folder;
+        render(&production.channel_header(), folder, production.prototypes.clone(), lines, take)
     }
 
     pub fn score(&self, score: &str, take: Take) -> Result<Sound> {
         let (header, prototypes, lines) = open_score(&self.file("test.score", score))?;
-        render(&header, prototypes, lines, take)
+        render(&header, &self.path(""), prototypes, lines, take)
     }
 }
 
@@ -107,14 +109,16 @@ pub fn write_wav(path: &Path, rate_hz: u32, channels: u16, interleaved: &[f32]) 
 
 pub fn render(
     header: &ChannelHeader,
+    folder: &Path,
     prototypes: Soundings,
     lines: ChannelLines<'_>,
     take: Take,
 ) -> Result<Sound> {
-    let channels = header.receivers.len();
+    let channels = header.channels().len();
     let Take { rate_hz, from_s, to_s, cores } = take;
     let extent = Extent { rate_hz, from_s, to_s, duration_s: header.duration_s };
-    let mut mixer = Mixer::new(rate_hz, channels, prototypes, lines)?.with_seed(header.seed);
+    let receivers = receivers::load(&header.receivers, folder, rate_hz)?;
+    let mut mixer = Mixer::new(rate_hz, receivers, prototypes, lines)?.with_seed(header.seed);
     let mut sound = Sound {
         rate_hz: f64::from(rate_hz),
         channels,

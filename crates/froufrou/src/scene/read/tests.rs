@@ -207,7 +207,7 @@ fn faults_name_the_line_the_key_and_the_remedy() {
         ("[listener]\nlayuot = 'mono'", "2:1: unknown key `layuot` in `listener` (did you mean `layout`?)"),
         (
             "[listener]\nlayout = 'sterio'",
-            "2:10: `listener.layout`: expected `mono` or `stereo`, found the text \"sterio\" (did you mean `stereo`?)",
+            "2:10: `listener.layout`: expected `mono`, `stereo`, `binaural`, `ambisonic-1`, `ambisonic-2`, `ambisonic-3`, `quad`, `5.1`, `7.1`, `5.1.2`, `5.1.4` or `7.1.4`, found the text \"sterio\" (did you mean `stereo`?)",
         ),
         ("[listener]\nfacing = [0, 0, 0]", "2:10: `listener.facing`: a direction cannot be [0, 0, 0]"),
         ("[listener]\n[[microphone]]\nname = 'm'", "2:1: `microphone`: cannot stand beside `listener`"),

@@ -4,11 +4,11 @@ use crate::space::direction::{from_angles_deg, to_angles_deg};
 use crate::space::layout::Layout;
 use crate::space::sphere::{cross, even_directions};
 
-fn speakers(directions: impl IntoIterator<Item = [f64; 3]>) -> Vec<Speaker> {
+fn speakers(directions: impl IntoIterator<Item = [f64; 3]>) -> Vec<Loudspeaker> {
     let all = directions.into_iter().enumerate();
     all.map(|(i, direction)| {
         let (azimuth, elevation) = to_angles_deg(direction);
-        Speaker::new(format!("s{i}"), azimuth, elevation)
+        Loudspeaker::new(format!("s{i}"), azimuth, elevation)
     })
     .collect()
 }
@@ -28,11 +28,11 @@ fn turns(v: [f64; 3]) -> impl Iterator<Item = [f64; 3]> {
     (0..3).flat_map(move |shift| signs([v[shift], v[(shift + 1) % 3], v[(shift + 2) % 3]]))
 }
 
-fn icosahedron() -> Vec<Speaker> {
+fn icosahedron() -> Vec<Loudspeaker> {
     speakers(turns([0.0, 1.0, 0.5 + 1.25f64.sqrt()]))
 }
 
-fn dodecahedron() -> Vec<Speaker> {
+fn dodecahedron() -> Vec<Loudspeaker> {
     let golden = 0.5 + 1.25f64.sqrt();
     speakers(signs([1.0; 3]).into_iter().chain(turns([0.0, 1.0 / golden, golden])))
 }
@@ -54,7 +54,7 @@ fn play(decoder: &Decoder, order: usize, source: [f64; 3]) -> Vec<f64> {
 }
 
 /// Angle to the source in degrees and length of Σ g^power l / Σ g^power.
-fn vector(speakers: &[Speaker], gains: &[f64], power: i32, source: [f64; 3]) -> (f64, f64) {
+fn vector(speakers: &[Loudspeaker], gains: &[f64], power: i32, source: [f64; 3]) -> (f64, f64) {
     let total: f64 = gains.iter().map(|g| g.powi(power)).sum();
     let sum =
         |k: usize| speakers.iter().zip(gains).map(|(s, g)| g.powi(power) * s.direction()[k]).sum::<f64>();
@@ -213,11 +213,11 @@ fn all_round_decoding_serves_every_named_layout() {
                     let mirrored = layout.speakers().iter().position(|other| {
                         other.azimuth_deg == -speaker.azimuth_deg
                             && other.elevation_deg == speaker.elevation_deg
+                            && other.is_lfe == speaker.is_lfe
                     });
-                    match mirrored {
-                        Some(k) => assert!((one[i] - other[k]).abs() < 1e-9, "{name}"),
-                        None => assert!(speaker.is_lfe && one[i] == 0.0),
-                    }
+                    let mirrored = mirrored.expect("every layout is alike on both sides");
+                    assert!((one[i] - other[mirrored]).abs() < 1e-9, "{name}");
+                    assert!(!speaker.is_lfe || one[i] == 0.0);
                 }
             }
             let mean = energies.iter().sum::<f64>() / 500.0;
@@ -234,7 +234,8 @@ fn decoders_are_those_of_the_oracle() {
     for line in text.lines().filter(|line| !line.starts_with('#')) {
         let words: Vec<&str> = line.split('\t').collect();
         let numbers: Vec<f64> = words[1..].iter().map(|n| n.parse().unwrap()).collect();
-        let places = numbers.chunks(2).enumerate().map(|(i, p)| Speaker::new(format!("s{i}"), p[0], p[1]));
+        let places =
+            numbers.chunks(2).enumerate().map(|(i, p)| Loudspeaker::new(format!("s{i}"), p[0], p[1]));
         let (decoder, near) = match words[0] {
             "layout" => {
                 layout = places.collect();
