@@ -111,18 +111,18 @@ write("sphere.sofa", both, spherical, "spherical", "degree, degree, metre", stor
 
 # Each onset is cut off, as far as all before is nothing.
 delay = np.zeros(both.shape[:2])
-cut = np.zeros((len(grid), 2, 64))
+cut = np.zeros((len(grid), 2, 84))
 for i in range(len(grid)):
     for ear in range(2):
         audible = np.abs(both[i, ear]) > 3e-4 * np.abs(both[i, ear]).max()
         delay[i, ear] = max(np.argmax(audible) - 8, 0)
-        cut[i, ear] = both[i, ear][int(delay[i, ear]):][:64]
+        cut[i, ear] = both[i, ear][int(delay[i, ear]):][:84]
 write("delays.sofa", cut, spherical, "spherical", "degree, degree, metre", libver="latest", kind="<f4", delay=delay,
-      storage={"chunks": (41, 2, 64), "compression": "gzip"})
+      storage={"chunks": (41, 2, 84), "compression": "gzip"})
 
 # The listener looks along +Y; what was along x lies along y, what was left (y) along -x.
 turned = np.stack([-unit[:, 1], unit[:, 0], unit[:, 2]], 1) * 1.5
-write("cartesian.sofa", both[:, ::-1, :48][::2], turned[::2], "cartesian", "metre", kind=">f8", view=(0, 2, 0), up=(0, 0, 3),
+write("cartesian.sofa", both[:, ::-1, :40][::2], turned[::2], "cartesian", "metre", kind=">f8", view=(0, 2, 0), up=(0, 0, 3),
       receivers=((0, -A, 0), (0, A, 0)))
 
 ring = np.flatnonzero(grid[:, 1] == 0)

@@ -178,8 +178,8 @@ fn delays_of_their_own_are_heard() {
             let energy: f64 = expected[ear].iter().map(|x| x * x).sum();
             let at = |hrir: &[f64], n: usize| hrir.get(n).copied().unwrap_or(0.0);
             let error: f64 = (0..120).map(|n| (at(&expected[ear], n) - at(&found[ear], n)).powi(2)).sum();
-            // Its responses are shorter: the last of them is missing.
-            assert!(error < 1e-3 * energy, "{direction:?}: {}", error / energy);
+            // Its responses are shorter: the last of them, and a little before the onset, is missing.
+            assert!(error < 1e-4 * energy, "{direction:?}: {}", error / energy);
             assert!((arrivals_a[ear].delay_s - arrivals_b[ear].delay_s).abs() < 1e-5);
             for frequency_hz in [500.0, 2000.0, 8000.0] {
                 let (a, b) =
@@ -201,7 +201,7 @@ fn coordinates_of_all_kinds_mean_the_same() {
         assert!((0..3).all(|k| (direction[k] - expected[k]).abs() < 1e-12), "{direction:?} {expected:?}");
         let (expected, found) = (whole.hrir(expected), other.hrir(*direction));
         for ear in 0..2 {
-            assert_eq!(found[ear], expected[ear][..48]);
+            assert_eq!(found[ear], expected[ear][..40]);
         }
     }
 }

@@ -68,8 +68,9 @@ impl HeadReceiver {
     /// The keys of both ears for what would arrive at the centre of the head by `plain` if there were none.
     pub(crate) fn ears(&self, plain: PathKey, from_m: [f64; 3], filters: &mut Filters) -> [PathKey; 2] {
         if from_m == [0.0; 3] {
-            // It sounds within the head.
-            return [plain; 2];
+            // It sounds within the head, as it is; a filter all the same, for it may come from elsewhere next.
+            let filter = filters.push(Filter { taps: [1.0].into(), lead: 0 });
+            return [PathKey { filter, ..plain }; 2];
         }
         let taps = self.0.taps();
         let (mut left, mut right) = (vec![0.0; taps], vec![0.0; taps]);

@@ -167,6 +167,9 @@ fn walk(
     best
 }
 
+/// Triangles, and for each corner of each the triangle across.
+type Joined = (Vec<[u32; 3]>, Vec<[u32; 3]>);
+
 /// A convex hull that grows corner by corner.
 struct Hull {
     /// The six corners that it began with.
@@ -306,7 +309,7 @@ impl Hull {
     }
 
     /// The triangles that are left, as long as they are what they should be.
-    fn finish(self, corners: &[Vector]) -> Option<(Vec<[u32; 3]>, Vec<[u32; 3]>)> {
+    fn finish(self, corners: &[Vector]) -> Option<Joined> {
         let mut number = vec![u32::MAX; self.triangles.len()];
         let alive: Vec<usize> = (0..self.triangles.len()).filter(|index| !self.dead[*index]).collect();
         for (n, index) in alive.iter().enumerate() {

@@ -16,7 +16,7 @@ use crate::{Error, Place, Result};
 const LARGEST_BYTES: u64 = 2 << 30;
 
 /// Numbers and their names: what can be read is bounded by this much,
-const FREE_BYTES: u64 = 16 << 20;
+const FREE_BYTES: u64 = 8 << 20;
 
 /// and so many times the file's length. (Deflate packs silence a thousandfold, but no measurement.)
 const EXPANSION: u64 = 24;
@@ -73,10 +73,6 @@ impl File {
         };
         let file = contained(path, "the file", || Hdf5File::from_vec_with_options(bytes, options))?;
         Ok(Self { path: path.to_path_buf(), file, most_numbers: most as u64 / 8 })
-    }
-
-    pub(super) fn path(&self) -> &Path {
-        &self.path
     }
 
     /// An error about a variable or an attribute of the file.

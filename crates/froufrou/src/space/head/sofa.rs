@@ -15,7 +15,7 @@ const MOST_DIRECTIONS: usize = 260_000;
 const LONGEST_S: f64 = 2.0;
 
 /// Sampling rates that a file may have, in hertz.
-const RATES_HZ: std::ops::RangeInclusive<f64> = 4_000.0..=1_000_000.0;
+const RATES_HZ: std::ops::RangeInclusive<f64> = 8_000.0..=1_000_000.0;
 
 /// The responses of a head's ears, as measured.
 pub(super) struct Measurements {
@@ -155,7 +155,7 @@ fn need(file: &File, name: &'static str) -> Result<Variable> {
 }
 
 fn finite(file: &File, variable: &Variable) -> Result<()> {
-    match variable.values.iter().position(|value| !(value.abs() < 1e30)) {
+    match variable.values.iter().position(|value| value.is_nan() || value.abs() > 1e30) {
         None => Ok(()),
         Some(index) => Err(file.fault(
             variable.name,
