@@ -151,6 +151,7 @@ fn copy(bencher: Bencher) {
         delay_s: [0.05, 0.0501],
         slope: [0.003, 0.004],
         gain: [0.3, 0.4],
+        filter: [UNFILTERED; 2],
         fades: Fades::NONE,
     };
     bencher.counter(ItemsCount::new(256u64)).bench(|| {

@@ -9,8 +9,8 @@ use divan::Bencher;
 use divan::counter::{BytesCount, ItemsCount};
 use froufrou::score::{
     Arrival, ChannelDocument, ChannelLine, ChannelSpace, Document, Header, Microphone, MicrophoneKey,
-    MicrophoneShape, ObjectLine, ObjectSpace, Order, Placement, Pose, Reader, Repeat, Sound, Space, Start,
-    Statement, Verb, Writer,
+    MicrophoneShape, ObjectLine, ObjectSpace, Order, Output, Pickup, Placement, Pose, Reader, Repeat, Sound,
+    Space, Start, Statement, Verb, Writer,
 };
 
 /// Threads that sound at once, with a key each at every frame of an animation.
@@ -56,7 +56,7 @@ fn channel_score() -> ChannelDocument {
             ChannelLine::Thread(statement(thread, frame, vec![Arrival::new(gain, gain / 7.0); 2]))
         })
     });
-    Document::new(header(vec!["left".to_string(), "right".to_string()]), lines)
+    Document::new(header(["left", "right"].map(|name| Output::Channel(name.into())).to_vec()), lines)
 }
 
 fn object_score() -> Document<ObjectSpace> {
@@ -74,7 +74,10 @@ fn object_score() -> Document<ObjectSpace> {
         })
     });
     let lines = std::iter::once(ObjectLine::Microphone(ear)).chain(threads);
-    Document::new(header(vec![Microphone { name: "main".into(), shape, fixed: None }]), lines)
+    Document::new(
+        header(vec![Microphone { name: "main".into(), pickup: Pickup::Shape(shape), fixed: None }]),
+        lines,
+    )
 }
 
 trait Example: Space {

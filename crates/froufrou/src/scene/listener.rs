@@ -41,7 +41,7 @@ pub enum Layout {
 
 impl Layout {
     /// The words for all that have one: `mono`, `stereo`, `binaural`, `ambisonic-1` to `-3`, and `quad` to `7.1.4`
-    /// for loudspeakers ([`layout`](crate::space::layout)).
+    /// for loudspeakers ([`layout`]).
     pub fn names() -> impl Iterator<Item = &'static str> {
         // Mono and stereo are microphones here, as in the paper, not loudspeakers.
         let loudspeakers = layout::Layout::names().filter(|name| !MICROPHONES.contains(name));
