@@ -182,8 +182,8 @@ impl<S: Space, W: Write> Writer<S, W> {
     /// Where writing fails or a line is too long.
     ///
     /// ```
-    /// # use froufrou::score::{ChannelWriter, Header, Order};
-    /// # let header = Header::new(Order::Time, vec!["main".to_string()]);
+    /// # use froufrou::score::{ChannelWriter, Header, Order, Output};
+    /// # let header = Header::new(Order::Time, vec![Output::Channel("main".into())]);
     /// let mut writer = ChannelWriter::new(Vec::new(), &header)?;
     /// writer.comment("the second scene")?;
     /// assert!(writer.finish()?.ends_with(b"\n# the second scene\n"));
