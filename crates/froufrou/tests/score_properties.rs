@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 use froufrou::score::{
     Action, AnyDocument, Arrival, Blow, ChannelLine, ChannelReader, ChannelSpace, ChannelWriter, Cue,
     Document, Header, Held, Loudspeaker, Make, Microphone, MicrophoneKey, MicrophoneShape, Mode, ObjectLine,
-    ObjectSpace, Order, Output, Pattern, Pickup, Placement, Pose, Reader, Repeat, Sound, Space, Start,
-    Statement, Verb, Whereabouts, Writer, compare,
+    ObjectSpace, Order, Output, Pattern, Pickup, Placement, Pose, Radiation, Reader, Repeat, Sound, Space,
+    Start, Statement, Verb, Whereabouts, Writer, compare,
 };
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
@@ -210,7 +210,22 @@ fn channel_score() -> impl Strategy<Value = Document<ChannelSpace>> {
                 },
             )
         };
-        let value = outputs.iter().map(arrival).collect::<Vec<_>>().boxed();
+        let count = outputs.len();
+        let plain = outputs.iter().map(arrival).collect::<Vec<_>>();
+        let bands = prop_oneof![
+            Just(None),
+            prop::array::uniform8(not_negative()).prop_map(move |bands| Some(vec![bands; count])),
+            prop::collection::vec(prop::array::uniform8(not_negative()), count).prop_map(Some),
+        ];
+        // Either all that arrives has bands, or nothing has.
+        let value = (plain, bands)
+            .prop_map(|(mut value, bands)| {
+                for (arrival, bands) in value.iter_mut().zip(bands.into_iter().flatten()) {
+                    arrival.bands = Some(bands);
+                }
+                value
+            })
+            .boxed();
         let sketches = prop::collection::vec(sketch(value), 0..5);
         (header(outputs), sketches).prop_map(|(header, sketches)| {
             let lines = mixed(&sketches, &header.sounds, true).into_iter().map(|line| match line {
@@ -306,7 +321,10 @@ fn object_score() -> impl Strategy<Value = Document<ObjectSpace>> {
             let (mut header, mut sketches) = (header, sketches);
             // A pattern, which every other thread has; and what a thread's lines must have in common.
             let harmonics = vec![1.0, -0.0, 0.25, 1e-300];
-            header.patterns = vec![Pattern { name: "a lobe".into(), harmonics }];
+            header.patterns = vec![
+                Pattern { name: "a lobe".into(), radiation: Radiation::Harmonics(harmonics) },
+                Pattern { name: "skin".into(), radiation: Radiation::Surface },
+            ];
             header.surroundings = Some("scene \"1\".toml".into());
             for sketch in &mut sketches {
                 if sketch.thread % 2 == 0 {

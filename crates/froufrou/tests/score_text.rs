@@ -592,12 +592,24 @@ fn errors_of_channels() {
         ("start 1 0 siren 1 0 1,5 0\n", "4:21: expected the gain, found `1,5`".into()),
         (
             "start 1 0 siren 1 0 1 0 sped 2\n",
-            "4:25: unknown word `sped`, expected `speed`, `offset`, `object` or `cause` (did you mean `speed`?)"
+            "4:25: unknown word `sped`, expected `bands`, `speed`, `offset`, `object` or `cause` (did you mean `speed`?)"
                 .into(),
         ),
         (
             "start 1 0 siren 1 0 1 0\nkey 1 1 at 0 0 0\n",
-            "5:9: unknown word `at`, expected the end of the line".into(),
+            "5:9: unknown word `at`, expected `bands`".into(),
+        ),
+        (
+            "start 1 0 siren 1 0 1 0 bands 1 1 1 1 1 1 1\n",
+            "4:44: expected the gain of the octave band, found the end of the line".into(),
+        ),
+        (
+            "start 1 0 siren 1 0 1 0 bands 1 1 1 1 1 1 1 1 0.5\n",
+            "4:50: expected the gain of the octave band, found the end of the line".into(),
+        ),
+        (
+            "start 1 0 siren 1 0 1 0 bands 1 1 1 1 -1 1 1 1\n",
+            "4:39: the gain of the octave band is -1, but it must not be negative".into(),
         ),
     ] {
         assert_eq!(channel_error(lines), message);

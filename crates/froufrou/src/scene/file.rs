@@ -6,7 +6,10 @@
 
 use std::path::PathBuf;
 
-use crate::score::{Blow, Make, Pickup, Repeat};
+use crate::score::{Blow, Make, Pickup, Radiation, Repeat};
+use crate::space::air::Air;
+use crate::space::bands::Bands;
+use crate::space::room::Room;
 use crate::{Error, Result};
 
 use super::asset::{Asset, NamePattern};
@@ -39,6 +42,10 @@ pub struct Scene {
     pub listener: Option<Listener>,
     /// Its microphones, or those of the scene, in the order of their channels; at least one.
     pub microphones: Vec<Microphone>,
+    /// The air, where sound is to lose to it.
+    pub air: Option<Air>,
+    /// The walls about it.
+    pub enclosing: Option<Enclosing>,
     /// The wind that blows through all of it.
     pub wind: Option<Wind>,
     /// The sounds that are synthesised.
@@ -51,6 +58,39 @@ pub struct Scene {
     pub sounds: Vec<SceneSound>,
     /// The contact logs of simulations.
     pub contacts: Vec<Contacts>,
+}
+
+/// Walls without gaps.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Enclosing {
+    /// Those of a room.
+    Room(Box<RoomAbout>),
+    /// Planes without end.
+    Planes(Vec<MovingPlane>),
+}
+
+/// A room, and how it is heard.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RoomAbout {
+    /// Its walls.
+    pub room: Room,
+    /// The order up to which reflections are heard one by one.
+    pub order: usize,
+    /// Whether it reverberates on behind them.
+    pub has_tail: bool,
+}
+
+/// A plane that may ride on an object.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MovingPlane {
+    /// An index into [`Scene::objects`]; `None` where it stands still in the world.
+    pub object: Option<usize>,
+    /// A point on it, in metres in the frame of the object or the world.
+    pub point_m: [f64; 3],
+    /// The direction in which there is air, in that frame.
+    pub normal: [f64; 3],
+    /// The part of the energy that it absorbs in each octave band.
+    pub absorption: Bands,
 }
 
 /// What carries an object or a microphone through the world.
@@ -283,8 +323,8 @@ pub struct SceneSound {
     pub played: Played,
     /// What a synthesised sound is told, in order of time.
     pub set: Vec<SetKey>,
-    /// How it radiates into different directions, as spherical harmonics; evenly where `None`.
-    pub pattern: Option<Vec<f64>>,
+    /// How it radiates; evenly from one place where `None`.
+    pub pattern: Option<Radiation>,
     /// Gain in decibels.
     pub gain_db: f64,
     /// Playback speed: 2 is an octave up in half the time.

@@ -15,6 +15,7 @@ use super::obj;
 use super::toml::{Document, Node, Table, nearest};
 use super::track::{Interpolation, Track, TrackKey};
 
+mod enclosure;
 mod sounds;
 
 /// The keys of one kind of table.
@@ -30,6 +31,9 @@ const SCENE: Keys = &[
     "listener",
     "microphone",
     "wind",
+    "air",
+    "room",
+    "plane",
     "instrument",
     "material",
     "object",
@@ -116,6 +120,10 @@ pub(crate) const ALL_KEYS: &[(&str, Keys)] = &[
     ("`shape` of a microphone", SHAPE),
     ("A key of a listener's or microphone's `track`", LISTENER_KEY),
     ("`[wind]`", WIND),
+    ("`[air]`", enclosure::AIR),
+    ("`[room]`", enclosure::ROOM),
+    ("`absorption` of the walls of a room", enclosure::WALLS),
+    ("`[[plane]]`", enclosure::PLANE),
     ("`[instrument.NAME]`", sounds::INSTRUMENT),
     ("A mode of `modes`", sounds::MODE),
     ("`[material.NAME]`", sounds::MATERIAL),
@@ -211,6 +219,8 @@ fn scene(text: &str, file: &Path, folder_path: &Path, folder: &Folder) -> Result
     };
     let rate = top.get("rate").map_or(Ok(48_000), |n| n.whole("samples a second", RATE_HZ.0, RATE_HZ.1))?;
     let listener = listener(&top, folder)?;
+    let air = enclosure::air(&top)?;
+    let usual_mps = air.map_or(343.0, |air| air.speed_of_sound_mps());
     let mut scene = Scene {
         file: file.to_owned(),
         folder: folder_path.to_owned(),
@@ -219,7 +229,7 @@ fn scene(text: &str, file: &Path, folder_path: &Path, folder: &Folder) -> Result
         seed: top.get("seed").map_or(Ok(0), |n| n.whole("a seed", 0, i64::MAX as u64))?,
         duration_s: top.get("duration").map(|n| n.positive("a number of seconds")).transpose()?,
         start_s: top.get("start").map(|n| n.number("a number of seconds")).transpose()?,
-        speed_of_sound_mps: number("speed_of_sound", 343.0)?,
+        speed_of_sound_mps: number("speed_of_sound", usual_mps)?,
         frame_rate_hz: top
             .get("frame_rate")
             .map_or(Ok(60.0), |n| n.within("frames a second", 1.0, 10_000.0))?,
@@ -228,6 +238,8 @@ fn scene(text: &str, file: &Path, folder_path: &Path, folder: &Folder) -> Result
             None => microphones(&top, folder)?,
         },
         listener,
+        air,
+        enclosing: None,
         wind: top.get("wind").map(|node| wind(&node)).transpose()?,
         instruments: sounds::instruments(&top, folder)?,
         materials: Vec::new(),
@@ -261,6 +273,7 @@ fn scene(text: &str, file: &Path, folder_path: &Path, folder: &Folder) -> Result
         }
         scene.sounds.extend(sounds::air(&scene, index));
     }
+    scene.enclosing = enclosure::enclosing(&top, &scene.objects)?;
     for node in list(&top, "sound")? {
         let table = node.table(sounds::SOUND)?;
         let emitter = emitter(&table, &scene.objects, &names)?;

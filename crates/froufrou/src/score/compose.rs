@@ -13,8 +13,8 @@ use std::iter::Peekable;
 
 use self::voice::{Follows, Place, Voice, faded};
 use super::{
-    Action, Blow, Cue, Header, Microphone, MicrophoneKey, ObjectHeader, ObjectLine, Order, Pattern, Start,
-    Statement, Verb,
+    Action, Blow, Cue, Header, Microphone, MicrophoneKey, ObjectHeader, ObjectLine, Order, Pattern,
+    Radiation, Start, Statement, Verb,
 };
 use crate::motion::contacts::LogEvents;
 use crate::motion::event::{Event, Impact, Slide};
@@ -56,10 +56,10 @@ pub fn header(scene: &Scene, world: &World) -> Result<ObjectHeader> {
         receivers.push(Microphone { name, pickup, fixed });
     }
     let mut patterns: Vec<Pattern> = Vec::new();
-    for harmonics in scene.sounds.iter().filter_map(|sound| sound.pattern.as_ref()) {
-        if patterns.iter().all(|pattern| pattern.harmonics != *harmonics) {
+    for radiation in scene.sounds.iter().filter_map(|sound| sound.pattern.as_ref()) {
+        if patterns.iter().all(|pattern| pattern.radiation != *radiation) {
             let name = format!("pattern-{}", patterns.len() + 1);
-            patterns.push(Pattern { name, harmonics: harmonics.clone() });
+            patterns.push(Pattern { name, radiation: radiation.clone() });
         }
     }
     Ok(Header {
@@ -73,11 +73,14 @@ pub fn header(scene: &Scene, world: &World) -> Result<ObjectHeader> {
     })
 }
 
-/// The scene itself, where its bodies reflect or hide sound.
+/// The scene itself, where its bodies, its walls or its air do something to sound.
 fn surroundings(scene: &Scene) -> Option<String> {
     let name = scene.file.file_name()?.to_string_lossy();
     let acts = |material: &Material| material.acoustics != Acoustics::default();
-    scene.materials.iter().any(acts).then(|| name.into_owned())
+    let spreads = scene.sounds.iter().any(|sound| sound.pattern == Some(Radiation::Surface));
+    let is_enclosed = scene.enclosing.is_some() || scene.air.is_some();
+    let is_heard = scene.materials.iter().any(acts) || is_enclosed || spreads;
+    is_heard.then(|| name.into_owned())
 }
 
 /// What has to be known of a sound to say when it starts and ends.
@@ -527,10 +530,10 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             (None, Timing::Span { .. }) => "runs through the scene",
             _ => "set by hand",
         };
-        let harmonics = sound.pattern.as_ref();
-        let pattern = self.header.patterns.iter().find(|pattern| Some(&pattern.harmonics) == harmonics);
+        let radiation = sound.pattern.as_ref();
+        let pattern = self.header.patterns.iter().find(|pattern| Some(&pattern.radiation) == radiation);
         let pattern = pattern.map_or(String::new(), |pattern| pattern.name.clone());
-        let turns = !pattern.is_empty();
+        let turns = matches!(radiation, Some(Radiation::Harmonics(_)));
         let start = Start { sound: name, speed, offset_s, object, cause: cause.into(), pattern };
         let gain = faded(loudest, planned.time_s, end_s, sound.fade_in_s, sound.fade_out_s);
         let speed = (has_speed && !told).then_some(follows);

@@ -42,6 +42,7 @@ pub mod compose;
 pub mod ending;
 
 use crate::space::ambisonic::{self, CHANNEL_NAMES};
+use crate::space::bands::Bands;
 
 /// The latest time, in seconds, that is mixed: some thirty years. A double still tells samples apart
 /// there.
@@ -274,9 +275,18 @@ impl Receives for Output {
 pub struct Pattern {
     /// The name that `start` lines use.
     pub name: String,
-    /// Its spherical harmonics, 1, 4, 9 or 16 of them: see
+    /// How it does.
+    pub radiation: Radiation,
+}
+
+/// How a source radiates.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Radiation {
+    /// From one place, into different directions: spherical harmonics, 1, 4, 9 or 16 of them, see
     /// [`space::directivity`](crate::space::directivity).
-    pub harmonics: Vec<f64>,
+    Harmonics(Vec<f64>),
+    /// From all over the surface of its object, evenly.
+    Surface,
 }
 
 /// How the lines of a score are sorted.
@@ -425,12 +435,15 @@ pub struct Arrival {
     /// At a head: where it comes from in the head's own frame (ahead −Z, right +X, up +Y), in metres; nowhere
     /// where it sounds within the head. `None` for a channel.
     pub from_m: Option<[f64; 3]>,
+    /// What walls and air leave of each octave band, as further gains of pressure; `None`: all of it. Where one output
+    /// of a line has such, the others are written with gains of 1.
+    pub bands: Option<Bands>,
 }
 
 impl Arrival {
     /// What arrives in a channel.
     pub const fn new(gain: f64, delay_s: f64) -> Self {
-        Self { gain, delay_s, from_m: None }
+        Self { gain, delay_s, from_m: None, bands: None }
     }
 }
 

@@ -5,7 +5,7 @@ use std::collections::hash_map::{Entry, OccupiedEntry};
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use super::lexer::{shown, suggestion};
-use super::{Make, MicrophoneKey, Order, Pattern, Sound};
+use super::{Make, MicrophoneKey, Order, Pattern, Radiation, Sound};
 use crate::{Error, Place};
 
 /// A broken rule, and which word of the line breaks it, from 0.
@@ -185,11 +185,13 @@ impl<V> Rules<V> {
         if pattern.name.is_empty() {
             return Err(fault(word::NAME, "the pattern has an empty name"));
         }
-        if !matches!(pattern.harmonics.len(), 1 | 4 | 9 | 16) {
+        if let Radiation::Harmonics(harmonics) = &pattern.radiation
+            && !matches!(harmonics.len(), 1 | 4 | 9 | 16)
+        {
             let what = format!(
                 "the pattern {} has {} harmonics, expected 1, 4, 9 or 16",
                 shown(&pattern.name),
-                pattern.harmonics.len()
+                harmonics.len()
             );
             return Err(fault(word::NAME, what));
         }

@@ -10,6 +10,7 @@ use super::{
     Arrival, ChannelLine, Cue, Loudspeaker, Microphone, MicrophoneKey, MicrophoneShape, ObjectLine, Output,
     Pickup, Placement, Pose, Statement, Whereabouts,
 };
+use crate::space::bands::{BAND_COUNT, Bands};
 use crate::{Error, Result};
 
 mod sealed {
@@ -454,6 +455,15 @@ fn push_vector(
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ChannelSpace;
 
+/// What arrives, while it is read.
+#[doc(hidden)]
+#[derive(Debug, Default)]
+pub struct ArrivalsDraft {
+    arrivals: Vec<Arrival>,
+    /// One for each output.
+    bands: Option<Vec<Bands>>,
+}
+
 impl Space for ChannelSpace {
     const NAME: &'static str = "channel";
     type Receiver = Output;
@@ -463,8 +473,8 @@ impl Space for ChannelSpace {
     const HAS_PLACES: bool = false;
     const RECEIVER_KEYWORDS: &'static [&'static str] = &["channels", "head"];
     const RECEIVER_VERBS: &'static [&'static str] = &[];
-    const CLAUSES: &'static [&'static str] = &[];
-    type Draft = Vec<Arrival>;
+    const CLAUSES: &'static [&'static str] = &["bands"];
+    type Draft = ArrivalsDraft;
 
     fn read_receivers(keyword: &str, words: &mut Words<'_>, receivers: &mut Vec<Output>) -> Result<()> {
         let channel = |words: &mut Words<'_>| Ok(words.name("the name of a channel")?.into_owned());
@@ -529,7 +539,8 @@ impl Space for ChannelSpace {
         false
     }
 
-    fn read_plain(words: &mut Words<'_>, receivers: &[Output], draft: &mut Vec<Arrival>) -> Result<()> {
+    fn read_plain(words: &mut Words<'_>, receivers: &[Output], draft: &mut ArrivalsDraft) -> Result<()> {
+        let draft = &mut draft.arrivals;
         while words.next_is_number() {
             let Some(output) = receivers.get(draft.len()) else {
                 // Take the word, so that the error points at it.
@@ -553,24 +564,46 @@ impl Space for ChannelSpace {
         Err(words.fault(count_of_arrivals(receivers, &draft.len().to_string())))
     }
 
-    fn read_clause(_: &str, _: &mut Words<'_>, _: &[Output], _: &mut Vec<Arrival>) -> Result<bool> {
-        Ok(false)
+    fn read_clause(
+        keyword: &str,
+        words: &mut Words<'_>,
+        receivers: &[Output],
+        draft: &mut ArrivalsDraft,
+    ) -> Result<bool> {
+        if keyword != "bands" {
+            return Ok(false);
+        }
+        let mut all: Vec<Bands> = vec![read_bands(words)?];
+        if words.next_is_number() {
+            while all.len() < receivers.len() {
+                all.push(read_bands(words)?);
+            }
+        }
+        all.resize(receivers.len(), all[0]);
+        once(&mut draft.bands, keyword, words, all)?;
+        Ok(true)
     }
 
-    fn value(draft: Vec<Arrival>, before: Option<&Vec<Arrival>>) -> Result<Vec<Arrival>> {
-        match before {
-            _ if !draft.is_empty() => Ok(draft),
-            Some(before) => Ok(before.clone()),
-            None => Err(Error::new("the thread starts without a gain and a delay")
-                .help("add `GAIN DELAY` for every channel after the sound")),
+    fn value(draft: ArrivalsDraft, before: Option<&Vec<Arrival>>) -> Result<Vec<Arrival>> {
+        let mut arrivals = match before {
+            _ if !draft.arrivals.is_empty() => draft.arrivals,
+            Some(before) => before.clone(),
+            None => {
+                return Err(Error::new("the thread starts without a gain and a delay")
+                    .help("add `GAIN DELAY` for every channel after the sound"));
+            }
+        };
+        for (arrival, bands) in arrivals.iter_mut().zip(draft.bands.into_iter().flatten()) {
+            arrival.bands = Some(bands);
         }
+        Ok(arrivals)
     }
 
     fn push_value(text: &mut String, value: &Vec<Arrival>, receivers: &[Output]) -> Result<()> {
         if value.len() != receivers.len() {
             return Err(Error::new(count_of_arrivals(receivers, &value.len().to_string())));
         }
-        for (Arrival { gain, delay_s, from_m }, output) in value.iter().zip(receivers) {
+        for (Arrival { gain, delay_s, from_m, .. }, output) in value.iter().zip(receivers) {
             text.push(' ');
             quantity::SIGNED_GAIN.push(text, *gain)?;
             text.push(' ');
@@ -587,7 +620,7 @@ impl Space for ChannelSpace {
                 }
             }
         }
-        Ok(())
+        push_all_bands(text, value)
     }
 
     fn thread_line(statement: Statement<Vec<Arrival>>) -> ChannelLine {
@@ -608,6 +641,32 @@ impl Space for ChannelSpace {
             ChannelLine::Cue(cue) => LineRef::Cue(cue),
         }
     }
+}
+
+/// Reads the gains of all octave bands.
+fn read_bands(words: &mut Words<'_>) -> Result<Bands> {
+    let mut bands = [0.0; BAND_COUNT];
+    for gain in &mut bands {
+        *gain = words.number_of(quantity::BAND_GAIN)?;
+    }
+    Ok(bands)
+}
+
+/// Appends the gains of octave bands, if anything that arrives has such: once where all outputs have the same.
+fn push_all_bands(text: &mut String, value: &[Arrival]) -> Result<()> {
+    if value.iter().all(|arrival| arrival.bands.is_none()) {
+        return Ok(());
+    }
+    let bits = |arrival: &Arrival| arrival.bands.map(|bands| bands.map(f64::to_bits));
+    let different = value.iter().any(|arrival| bits(arrival) != bits(&value[0]));
+    text.push_str(" bands");
+    for arrival in value.iter().take(if different { value.len() } else { 1 }) {
+        for gain in arrival.bands.unwrap_or([1.0; BAND_COUNT]) {
+            text.push(' ');
+            quantity::BAND_GAIN.push(text, gain)?;
+        }
+    }
+    Ok(())
 }
 
 fn count_of_arrivals(receivers: &[Output], found: &str) -> String {

@@ -9,8 +9,8 @@ use super::note::{Declared, Note};
 use super::rules::{Fault, Named, Rules, Step};
 use super::space::{ChannelSpace, LineRef, ObjectSpace, Space, once, push_whereabouts, read_whereabouts};
 use super::{
-    Action, Blow, Cue, Header, Held, Make, MicrophoneKey, Mode, Order, Pattern, Repeat, Sound, Start,
-    Statement, Verb, quantity,
+    Action, Blow, Cue, Header, Held, Make, MicrophoneKey, Mode, Order, Pattern, Radiation, Repeat, Sound,
+    Start, Statement, Verb, quantity,
 };
 use crate::{Error, Place, Result};
 
@@ -98,9 +98,14 @@ pub fn header_lines<S: Space>(header: &Header<S::Receiver>) -> Result<Vec<(Decla
     for (index, pattern) in header.patterns.iter().enumerate() {
         let mut text = String::from("pattern ");
         push_name(&mut text, &pattern.name);
-        for &harmonic in &pattern.harmonics {
-            text.push(' ');
-            quantity::HARMONIC.push(&mut text, harmonic)?;
+        match &pattern.radiation {
+            Radiation::Surface => text.push_str(" surface"),
+            Radiation::Harmonics(harmonics) => {
+                for &harmonic in harmonics {
+                    text.push(' ');
+                    quantity::HARMONIC.push(&mut text, harmonic)?;
+                }
+            }
         }
         lines.push((Declared::Pattern(index), text));
     }
@@ -272,7 +277,17 @@ pub fn read_pattern(words: &mut Words<'_>) -> Result<Pattern> {
     while words.next_is_number() {
         harmonics.push(words.number_of(quantity::HARMONIC)?);
     }
-    Ok(Pattern { name, harmonics })
+    let radiation = match words.peek() {
+        Some(next) if harmonics.is_empty() && next != b'#' => {
+            let expected = "spherical harmonics, or `surface`";
+            match words.keyword_here(expected)? {
+                "surface" => Radiation::Surface,
+                other => return Err(words.unknown("word", other, ["surface"], expected)),
+            }
+        }
+        _ => Radiation::Harmonics(harmonics),
+    };
+    Ok(Pattern { name, radiation })
 }
 
 /// Reads what follows the verb of a thread's line.

@@ -4,9 +4,10 @@
 //! there on by the filter of that moment. So the filter may change from sample to sample, pieces of a path
 //! add up however they are cut, and no sample of the output depends on where a block begins.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use super::path::UNFILTERED;
+use crate::space::bands::Bands;
 
 /// A finite impulse response.
 #[derive(Debug, Clone)]
@@ -17,14 +18,72 @@ pub struct Filter {
     pub lead: usize,
 }
 
+impl Filter {
+    /// The filter that changes nothing.
+    pub(crate) fn identity() -> Self {
+        Self { taps: [1.0].into(), lead: 0 }
+    }
+
+    /// The filter that does what this one does and then another.
+    pub(crate) fn then(&self, other: &Filter) -> Self {
+        let mut taps = vec![0.0; self.taps.len() + other.taps.len() - 1];
+        let (long, short) = if self.taps.len() < other.taps.len() { (other, self) } else { (self, other) };
+        let long = Filter { taps: long.taps.clone(), lead: 0 };
+        add_filtered(&short.taps, 0, &long, &mut taps, 0);
+        Self { taps: taps.into(), lead: self.lead + other.lead }
+    }
+
+    /// How many frames it makes what arrives heard before and behind its time.
+    pub(crate) fn reach(&self) -> [usize; 2] {
+        [self.lead, self.taps.len().saturating_sub(self.lead)]
+    }
+}
+
 /// The filters of a path, by numbers that count up.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Filters {
     first: u32,
     kept: VecDeque<Filter>,
+    /// By what each receiver was last reached, so that what stays the same has one filter.
+    last: BTreeMap<usize, Passage>,
+}
+
+/// What a sound passes on its last stretch to a receiver: from where it comes and with what colour, and what the
+/// receiver makes of it in each of its channels, two at most.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Passage {
+    pub from_m: Option<[f64; 3]>,
+    pub bands: Option<Bands>,
+    pub channels: [ChannelPassage; 2],
+}
+
+/// What comes on top in one channel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ChannelPassage {
+    pub delay_s: f64,
+    pub gain: f64,
+    pub filter: u32,
 }
 
 impl Filters {
+    /// How a receiver was last reached, if it was so from there and with this colour.
+    pub fn last(
+        &self,
+        receiver: usize,
+        from_m: Option<[f64; 3]>,
+        bands: Option<Bands>,
+    ) -> Option<[ChannelPassage; 2]> {
+        let last = self.last.get(&receiver).filter(|last| last.from_m == from_m && last.bands == bands)?;
+        // Its filters may have been released since.
+        let is_kept = |of: &ChannelPassage| self.get(of.filter).is_some();
+        last.channels.iter().all(is_kept).then_some(last.channels)
+    }
+
+    /// Remembers how a receiver is reached.
+    pub fn remember(&mut self, receiver: usize, passage: Passage) {
+        self.last.insert(receiver, passage);
+    }
+
     /// Adds a filter; its number.
     pub fn push(&mut self, filter: Filter) -> u32 {
         self.kept.push_back(filter);
@@ -182,6 +241,23 @@ mod tests {
             add_filtered(&input[123..], 133, &filter, &mut part, from as u64);
             assert_eq!(part, whole[from..to]);
         }
+    }
+
+    #[test]
+    fn two_filters_make_one() {
+        let (first, second) =
+            (Filter { taps: noise(1, 61).into(), lead: 7 }, Filter { taps: noise(2, 200).into(), lead: 90 });
+        let input = noise(3, 300);
+        let (mut between, mut twice, mut once) = (vec![0.0; 800], vec![0.0; 800], vec![0.0; 800]);
+        add_filtered(&input, 200, &first, &mut between, 0);
+        add_filtered(&between, 0, &second, &mut twice, 0);
+        for both in [first.then(&second), second.then(&first)] {
+            assert_eq!((both.taps.len(), both.lead), (260, 97));
+            once.fill(0.0);
+            add_filtered(&input, 200, &both, &mut once, 0);
+            assert!(once.iter().zip(&twice).all(|(a, b)| (a - b).abs() < 1e-3), "of about 30");
+        }
+        assert_eq!(first.then(&Filter::identity()).taps, first.taps);
     }
 
     #[test]

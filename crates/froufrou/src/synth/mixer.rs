@@ -12,15 +12,16 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::filter::{Filters, add_filtered};
+use super::filter::{ChannelPassage, Filter, Filters, Passage, add_filtered};
 use super::instrument::Instrument;
 use super::path::{PathBuilder, PathKey, Segment, UNFILTERED};
-use super::receivers::Receiver;
+use super::receivers::{self, Receiver};
 use super::sinc;
 use super::source::Source;
 use super::voice::{self, Playback, Prototype, Signal};
 use crate::random::Random;
 use crate::score::{Arrival, ChannelLine, Cue, LATEST_S, LONGEST_DELAY_S, Start, Statement, Verb};
+use crate::space::bands::{BandFilters, Bands};
 use crate::{Error, Place, Result};
 
 /// What a thread can play.
@@ -132,6 +133,9 @@ pub struct Voices {
     rate_hz: f64,
     channels: usize,
     receivers: Vec<Receiver>,
+    /// What makes the filter of some gains of octave bands; none at a rate that has no such filters.
+    colours: Option<BandFilters>,
+    identity: Filter,
     /// For so many frames a filter makes what arrives heard before and after its time.
     lead: usize,
     tail: usize,
@@ -205,13 +209,19 @@ impl Voices {
     ) -> Range<usize> {
         let Scratch { voice, window, arriving, part, filtered } = scratch;
         let [from, to] = segment.filter;
-        if from == UNFILTERED || to == UNFILTERED {
+        if from == UNFILTERED && to == UNFILTERED {
             let rate_hz = self.rate_hz;
             return voice::add_segment(signal, &thread.playback, segment, rate_hz, frame, voice, window);
         }
+        let filter = |number: u32| match number {
+            UNFILTERED => Some(&self.identity),
+            number => thread.filters.get(number),
+        };
         // What arrives a little earlier or later is heard in this block as well.
-        let first = frame.saturating_sub(self.tail as u64);
-        let count = (frame - first) as usize + voice.len() + self.lead;
+        let reaches = segment.filter.map(|number| filter(number).map_or([0; 2], Filter::reach));
+        let [lead, tail]: [usize; 2] = std::array::from_fn(|side| reaches[0][side].max(reaches[1][side]));
+        let first = frame.saturating_sub(tail as u64);
+        let count = (frame - first) as usize + voice.len() + lead;
         arriving.clear();
         arriving.resize(count, 0.0);
         let touched =
@@ -225,7 +235,7 @@ impl Voices {
         filtered.resize(voice.len(), 0.0);
         let length_s = segment.end_s - segment.begin_s;
         for (number, side) in [(from, false), (to, true)] {
-            let Some(filter) = thread.filters.get(number) else { continue };
+            let Some(filter) = filter(number) else { continue };
             part.clear();
             part.extend(input.iter().enumerate().map(|(index, &sample)| {
                 if from == to {
@@ -292,12 +302,19 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             names.insert(name, soundings.len());
             soundings.push(sounding);
         }
+        let colours = BandFilters::new(f64::from(rate_hz)).ok();
+        let coloured = colours.as_ref().map_or([0; 2], |c| [c.centre(), c.taps() - c.centre()]);
+        let reach = |side: usize| {
+            receivers.iter().map(|receiver| receiver.reach()[side]).max().unwrap_or(0) + coloured[side]
+        };
         let voices = Voices {
             rate_hz: f64::from(rate_hz),
             channels: receivers.iter().map(Receiver::channels).sum(),
-            lead: receivers.iter().map(|receiver| receiver.reach()[0]).max().unwrap_or(0),
-            tail: receivers.iter().map(|receiver| receiver.reach()[1]).max().unwrap_or(0),
+            lead: reach(0),
+            tail: reach(1),
             receivers,
+            colours,
+            identity: Filter::identity(),
             sounds: soundings,
             threads: BTreeMap::new(),
             sources: BTreeMap::new(),
@@ -527,6 +544,13 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
                 Error::new(format!("thread {id} has {what} in output {output} at {} s", line.time_s))
             })?;
         }
+        if self.voices.colours.is_none() && line.value.iter().any(|arrival| arrival.bands.is_some()) {
+            let what = format!(
+                "thread {id} has octave bands, which cannot be told apart at {}",
+                self.voices.rate_hz
+            );
+            return Err(Error::new(format!("{what} Hz")).help("render at 8000 to 192000 Hz"));
+        }
         let of = (id, line.path);
         match line.verb {
             Verb::Start(start) => self.start(id, line.time_s, start, &line.value)?,
@@ -569,13 +593,14 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         // It begins within the sound, but for one that begins with it.
         let fades_in = direct.fades_in || time_s > playback.start_s;
         let lead_s = direct.lead_s;
-        let Voices { threads, receivers, channels, .. } = &mut self.voices;
+        let Voices { threads, receivers, colours, channels, .. } = &mut self.voices;
+        let ways = Ways { receivers, colours: colours.as_ref() };
         match threads.entry(of) {
             Entry::Occupied(mut before) if before.get().ended => {
                 // What is still under way from before goes on.
                 let path = before.get_mut();
-                let keys = path_keys(receivers, &mut path.filters, time_s, value);
-                path.builders = keys.map(|key| PathBuilder::new(key, fades_in, lead_s)).collect();
+                let keys = ways.keys(&mut path.filters, time_s, value);
+                path.builders = keys.into_iter().map(|key| PathBuilder::new(key, fades_in, lead_s)).collect();
                 path.ended = false;
             }
             Entry::Occupied(_) => {
@@ -583,8 +608,8 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             }
             Entry::Vacant(place) => {
                 let mut filters = Filters::default();
-                let keys = path_keys(receivers, &mut filters, time_s, value);
-                let builders = keys.map(|key| PathBuilder::new(key, fades_in, lead_s)).collect();
+                let keys = ways.keys(&mut filters, time_s, value);
+                let builders = keys.into_iter().map(|key| PathBuilder::new(key, fades_in, lead_s)).collect();
                 place.insert(Thread {
                     sound,
                     playback,
@@ -634,8 +659,10 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         };
         let lead_s = playback.lead_s(sound_rate_hz, rate_hz).min(ONSET_S);
         let mut filters = Filters::default();
-        let keys = path_keys(&self.voices.receivers, &mut filters, time_s, value);
-        let builders = keys.map(|key| PathBuilder::new(key, fades_in, lead_s)).collect();
+        let Voices { receivers, colours, .. } = &self.voices;
+        let ways = Ways { receivers, colours: colours.as_ref() };
+        let keys = ways.keys(&mut filters, time_s, value);
+        let builders = keys.into_iter().map(|key| PathBuilder::new(key, fades_in, lead_s)).collect();
         let object = match self.object_indices.get(&start.object) {
             Some(&object) => object,
             None => {
@@ -662,9 +689,10 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
 
     fn through(&mut self, of: (u64, u32), time_s: f64, value: &[Arrival], jump: bool) -> Result<()> {
         self.thread(of)?;
-        let Voices { threads, receivers, .. } = &mut self.voices;
+        let Voices { threads, receivers, colours, .. } = &mut self.voices;
         let Some(thread) = threads.get_mut(&of) else { return Ok(()) };
-        let keys = path_keys(receivers, &mut thread.filters, time_s, value);
+        let ways = Ways { receivers, colours: colours.as_ref() };
+        let keys = ways.keys(&mut thread.filters, time_s, value);
         let paths = thread.builders.iter_mut().zip(&mut thread.segments);
         for ((builder, segments), key) in paths.zip(keys) {
             let mut emit = |segment| segments.push(segment);
@@ -675,11 +703,12 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
 
     /// Ends a thread at a key, or at its last one.
     fn end(&mut self, of: (u64, u32), at: Option<(f64, &[Arrival])>) {
-        let Voices { threads, receivers, rate_hz, tail, .. } = &mut self.voices;
+        let Voices { threads, receivers, colours, rate_hz, tail, .. } = &mut self.voices;
         let Some(thread) = threads.get_mut(&of) else { return };
+        let ways = Ways { receivers, colours: colours.as_ref() };
         let tail_s = *tail as f64 / *rate_hz;
         let keys: Vec<PathKey> = match at {
-            Some((time_s, value)) => path_keys(receivers, &mut thread.filters, time_s, value).collect(),
+            Some((time_s, value)) => ways.keys(&mut thread.filters, time_s, value),
             None => thread.builders.iter().map(PathBuilder::last).collect(),
         };
         let paths = thread.builders.iter_mut().zip(&mut thread.segments);
@@ -721,28 +750,73 @@ fn check_arrival(arrival: &Arrival, receiver: &Receiver) -> Result<(), String> {
         (Receiver::Channel, Some(_)) => return Err("a place from where it comes to a channel".into()),
         (Receiver::Head(_), _) => return Err("no place from where it comes to a head".into()),
     }
+    if let Some(gain) = arrival.bands.iter().flatten().find(|gain| !(gain.is_finite() && **gain >= 0.0)) {
+        return Err(format!("a gain of {gain} of an octave band"));
+    }
     if !(0.0..=LONGEST_DELAY_S).contains(&arrival.delay_s) {
         return Err(format!("a delay of {} s, not 0 to {LONGEST_DELAY_S} s,", arrival.delay_s));
     }
     Ok(())
 }
 
-/// The keys of all channels for what arrives at the receivers.
-fn path_keys<'a>(
+/// How what arrives at receivers becomes the keys of their channels.
+struct Ways<'a> {
     receivers: &'a [Receiver],
-    filters: &'a mut Filters,
-    emission_s: f64,
-    value: &'a [Arrival],
-) -> impl Iterator<Item = PathKey> + 'a {
-    receivers.iter().zip(value).flat_map(move |(receiver, arrival)| {
-        let &Arrival { gain, delay_s, from_m } = arrival;
-        let plain = PathKey { emission_s, delay_s, gain, filter: UNFILTERED };
-        let ears = match (receiver, from_m) {
-            (Receiver::Head(head), Some(from_m)) => Some(head.ears(plain, from_m, filters)),
-            _ => None,
-        };
-        ears.map_or([Some(plain), None], |ears| ears.map(Some)).into_iter().flatten()
-    })
+    colours: Option<&'a BandFilters>,
+}
+
+/// All plain channels are one receiver, as far as their filters go: what has one colour in several of them passes
+/// one filter.
+const CHANNELS: usize = usize::MAX;
+
+impl Ways<'_> {
+    /// The keys of all channels for what arrives at the receivers.
+    fn keys(&self, filters: &mut Filters, emission_s: f64, value: &[Arrival]) -> Vec<PathKey> {
+        let mut keys = Vec::with_capacity(value.len());
+        for (index, (receiver, arrival)) in self.receivers.iter().zip(value).enumerate() {
+            let &Arrival { gain, delay_s, from_m, bands } = arrival;
+            let plain = PathKey { emission_s, delay_s, gain, filter: UNFILTERED };
+            let (number, count) = match receiver {
+                Receiver::Channel if bands.is_none() => {
+                    keys.push(plain);
+                    continue;
+                }
+                Receiver::Channel => (CHANNELS, 1),
+                Receiver::Head(_) => (index, 2),
+            };
+            let passages = filters.last(number, from_m, bands).or_else(|| {
+                let channels = self.passages(receiver, from_m, bands, filters)?;
+                filters.remember(number, Passage { from_m, bands, channels });
+                Some(channels)
+            });
+            // No colour comes here without filters: see `follow`.
+            let passages =
+                passages.unwrap_or([ChannelPassage { delay_s: 0.0, gain: 1.0, filter: UNFILTERED }; 2]);
+            keys.extend(passages.iter().take(count).map(|passage| PathKey {
+                delay_s: (delay_s + passage.delay_s).clamp(0.0, LONGEST_DELAY_S),
+                gain: gain * passage.gain,
+                filter: passage.filter,
+                ..plain
+            }));
+        }
+        keys
+    }
+
+    fn passages(
+        &self,
+        receiver: &Receiver,
+        from_m: Option<[f64; 3]>,
+        bands: Option<Bands>,
+        filters: &mut Filters,
+    ) -> Option<[ChannelPassage; 2]> {
+        match (receiver, from_m) {
+            (Receiver::Head(head), Some(from_m)) => Some(head.ears(from_m, bands, self.colours, filters)),
+            _ => {
+                let filter = filters.push(receivers::colour(&bands?, self.colours?));
+                Some([ChannelPassage { delay_s: 0.0, gain: 1.0, filter }; 2])
+            }
+        }
+    }
 }
 
 /// Whether two channels hear a thread with other gains at most.

@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::filter::{Filter, Filters};
-use super::path::PathKey;
+use super::filter::{ChannelPassage, Filter, Filters};
 use crate::Result;
-use crate::score::{LONGEST_DELAY_S, Output};
+use crate::score::Output;
+use crate::space::bands::{BandFilters, Bands};
 use crate::space::head::Head;
 
 /// Where what arrives goes.
@@ -65,23 +65,35 @@ pub fn load(outputs: &[Output], folder: &Path, rate_hz: u32) -> Result<Vec<Recei
 pub struct HeadReceiver(Arc<Head>);
 
 impl HeadReceiver {
-    /// The keys of both ears for what would arrive at the centre of the head by `plain` if there were none.
-    pub(crate) fn ears(&self, plain: PathKey, from_m: [f64; 3], filters: &mut Filters) -> [PathKey; 2] {
-        if from_m == [0.0; 3] {
-            // It sounds within the head, as it is; a filter all the same, for it may come from elsewhere next.
-            let filter = filters.push(Filter { taps: [1.0].into(), lead: 0 });
-            return [PathKey { filter, ..plain }; 2];
+    /// What both ears make of what comes from a place with a colour.
+    pub(crate) fn ears(
+        &self,
+        from_m: [f64; 3],
+        bands: Option<Bands>,
+        colours: Option<&BandFilters>,
+        filters: &mut Filters,
+    ) -> [ChannelPassage; 2] {
+        // What sounds within the head sounds as it is.
+        let mut ears = [(0.0, 1.0, Filter::identity()), (0.0, 1.0, Filter::identity())];
+        if from_m != [0.0; 3] {
+            let taps = self.0.taps();
+            let (mut left, mut right) = (vec![0.0; taps], vec![0.0; taps]);
+            let heard = self.0.hear(from_m, [&mut left, &mut right]);
+            for ((ear, heard), taps) in ears.iter_mut().zip(heard).zip([left, right]) {
+                *ear = (heard.delay_s, heard.gain, Filter { taps: taps.into(), lead: self.0.lead() });
+            }
         }
-        let taps = self.0.taps();
-        let (mut left, mut right) = (vec![0.0; taps], vec![0.0; taps]);
-        let arrivals = self.0.hear(from_m, [&mut left, &mut right]);
-        let numbers =
-            [left, right].map(|taps| filters.push(Filter { taps: taps.into(), lead: self.0.lead() }));
-        std::array::from_fn(|ear| PathKey {
-            delay_s: (plain.delay_s + arrivals[ear].delay_s).clamp(0.0, LONGEST_DELAY_S),
-            gain: plain.gain * arrivals[ear].gain,
-            filter: numbers[ear],
-            ..plain
+        let colour = bands.zip(colours).map(|(bands, colours)| colour(&bands, colours));
+        ears.map(|(delay_s, gain, filter)| {
+            let filter = colour.as_ref().map_or_else(|| filter.clone(), |colour| filter.then(colour));
+            ChannelPassage { delay_s, gain, filter: filters.push(filter) }
         })
     }
+}
+
+/// The filter of some gains of octave bands.
+pub(crate) fn colour(bands: &Bands, colours: &BandFilters) -> Filter {
+    let mut taps = vec![0.0; colours.taps()];
+    colours.fill(bands, &mut taps);
+    Filter { taps: taps.into(), lead: colours.centre() }
 }

@@ -11,7 +11,8 @@ use super::super::file::{
 use super::super::toml::{Node, Table};
 use super::{Keys, one_or_many, unknown, with_place};
 use crate::Result;
-use crate::score::{Blow, Held, Make, Mode, Repeat};
+use crate::score::{Blow, Held, Make, Mode, Radiation, Repeat};
+use crate::space::dipole;
 use crate::space::directivity::Directivity;
 
 pub(super) const INSTRUMENT: Keys = &["kind", "table", "modes", "script", "with"];
@@ -91,7 +92,7 @@ pub(super) const AMBIENT: Keys = &[
     "fade_in",
     "fade_out",
 ];
-pub(super) const PATTERN: Keys = &["lobe"];
+pub(super) const PATTERN: Keys = &["lobe", "disk", "axis"];
 pub(super) const START: Keys = &["t", "gain_db", "speed"];
 pub(super) const STRIKE: Keys = &["t", "impulse", "place", "contact"];
 
@@ -420,11 +421,22 @@ pub(super) fn sound(
             (played, timing)
         }
     };
+    let radiation = table.get("pattern").map(|node| pattern(&node)).transpose()?;
+    if let (Some(Radiation::Surface), Some(node)) = (&radiation, table.get("pattern")) {
+        if !matches!(emitter, Emitter::Object(_)) {
+            return Err(node.error("only a sound of an object comes from a surface"));
+        }
+        if !played.is_endless() {
+            return Err(node.error(
+                "a recording that plays once cannot come from all over a surface: it needs `loop`, or an `instrument`",
+            ));
+        }
+    }
     Ok(SceneSound {
         emitter,
         played,
         set: set_keys(table)?,
-        pattern: table.get("pattern").map(|node| pattern(&node)).transpose()?,
+        pattern: radiation,
         gain_db: gain_db(table)?,
         speed: speed(table)?,
         speed_variation: speed_variation(table)?,
@@ -462,7 +474,15 @@ fn recorded(table: &Table<'_, '_>, folder: &Folder) -> Result<Played> {
 }
 
 /// How a sound radiates: a name, the sharpness of a lobe, or its spherical harmonics.
-fn pattern(node: &Node<'_, '_>) -> Result<Vec<f64>> {
+fn pattern(node: &Node<'_, '_>) -> Result<Radiation> {
+    if node.is_text() && node.choice(&["omni", "cardioid", "dipole", "surface"])? == 3 {
+        return Ok(Radiation::Surface);
+    }
+    harmonics(node).map(Radiation::Harmonics)
+}
+
+/// The spherical harmonics of a pattern.
+fn harmonics(node: &Node<'_, '_>) -> Result<Vec<f64>> {
     let what = "a name, { lobe = … }, or 1, 4, 9 or 16 spherical harmonics";
     if node.is_text() {
         let known = [Directivity::OMNI, Directivity::CARDIOID, Directivity::DIPOLE];
@@ -470,9 +490,20 @@ fn pattern(node: &Node<'_, '_>) -> Result<Vec<f64>> {
         return Ok(known[choice].coefficients[..4].to_vec());
     }
     if node.is_table() {
-        let sharpness = node.table(PATTERN)?.required("lobe", "the sharpness of a lobe")?;
-        let lobe = Directivity::lobe(sharpness.within("a number", 0.0, 1000.0)?);
-        return Ok(lobe.coefficients.to_vec());
+        let table = node.table(PATTERN)?;
+        table.at_most_one(&["lobe", "disk"])?;
+        let Some(radius) = table.get("disk") else {
+            if let Some(axis) = table.get("axis") {
+                return Err(axis.error("`axis` is for a `disk`"));
+            }
+            let sharpness = table.required("lobe", "the sharpness of a lobe, or the radius of a `disk`")?;
+            let lobe = Directivity::lobe(sharpness.within("a number", 0.0, 1000.0)?);
+            return Ok(lobe.coefficients.to_vec());
+        };
+        let radius_m = radius.within("a radius in metres", 0.0, 10.0)?;
+        let axis = table.get("axis").map_or(Ok([0.0, 1.0, 0.0]), |node| node.direction("a direction"))?;
+        let Directivity { coefficients } = dipole::directivity(axis);
+        return Ok(coefficients[..4].iter().map(|weight| radius_m.powi(3) * weight).collect());
     }
     let list = node.list(what)?;
     if !matches!(list.len(), 1 | 4 | 9 | 16) {

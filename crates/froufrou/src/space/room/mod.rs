@@ -4,6 +4,7 @@ mod image;
 mod plane;
 
 pub use image::{Image, MOST_IMAGES, WALLS};
+pub(in crate::space) use plane::trace;
 pub use plane::{Plane, Reflections};
 
 use super::bands::{BAND_COUNT, Bands};
@@ -130,6 +131,19 @@ impl Room {
     /// The part of the energy that each wall absorbs, in the order of [`Image::walls`].
     pub fn absorption(&self) -> &[Bands; WALLS] {
         &self.absorption
+    }
+
+    /// Its walls as planes, in the order of [`Image::walls`], with air within.
+    pub fn planes(&self) -> [Plane; WALLS] {
+        std::array::from_fn(|wall| {
+            let axis = self.axes[wall / 2];
+            let near = dot(self.corner_m, axis);
+            let (normal, height_m) = match wall % 2 {
+                0 => (axis, near),
+                _ => (axis.map(|c| -c), -(near + self.size_m[wall / 2])),
+            };
+            Plane::of(normal, height_m, reflection(&self.absorption[wall]))
+        })
     }
 
     /// The images of a source up to an order of reflections, the source itself first. They come by their order, and

@@ -41,6 +41,11 @@ impl Plane {
         Ok(Self { normal, height_m: dot(point_m, normal), gains: reflection(absorption) })
     }
 
+    /// With a unit normal, and what it leaves of the pressure.
+    pub(super) fn of(normal: [f64; 3], height_m: f64, gains: Bands) -> Self {
+        Self { normal, height_m, gains }
+    }
+
     /// How far in front of it a point is, in metres; below 0 behind it.
     pub fn distance_m(&self, point_m: [f64; 3]) -> f64 {
         dot(point_m, self.normal) - self.height_m
@@ -116,32 +121,42 @@ impl Reflections {
         if !inside(source_m) || !inside(listener_m) || normal_form(word, planes) != *word {
             return false;
         }
-        // Follow the sound back from the listener for as long as its way is: it must meet just these planes.
-        let mut image_m = source_m;
-        for wall in word {
-            image_m = mirrored(&planes[usize::from(*wall)], image_m);
-        }
-        let (mut from, mut to, mut met) = (listener_m, image_m, Vec::with_capacity(word.len()));
-        loop {
-            let crossing = planes
-                .iter()
-                .enumerate()
-                .filter(|(wall, plane)| met.last() != Some(&(*wall as u8)) && plane.distance_m(to) < 0.0)
-                .map(|(wall, plane)| {
-                    let (near, far) = (plane.distance_m(from).max(0.0), plane.distance_m(to));
-                    (wall, near / (near - far))
-                })
-                .min_by(|a, b| a.1.total_cmp(&b.1));
-            let Some((wall, part)) = crossing else { break };
-            if met.len() == word.len() {
-                return false;
-            }
-            met.push(wall as u8);
-            from = std::array::from_fn(|i| from[i] + part * (to[i] - from[i]));
-            to = mirrored(&planes[wall], to);
-        }
+        let image_m = word.iter().fold(source_m, |m, wall| mirrored(&planes[usize::from(*wall)], m));
+        let mut met = Vec::with_capacity(word.len());
+        let all = trace(planes, listener_m, image_m, word.len(), |wall, _| met.push(wall as u8));
         met.reverse();
-        normal_form(&met, planes) == *word
+        all && normal_form(&met, planes) == *word
+    }
+}
+
+/// Follows a sound back from the listener, towards where its image seems to be, and tells which planes it meets and
+/// where; false where they are more than so many.
+pub(in crate::space) fn trace(
+    planes: &[Plane],
+    listener_m: [f64; 3],
+    image_m: [f64; 3],
+    most: usize,
+    mut meets: impl FnMut(usize, [f64; 3]),
+) -> bool {
+    let (mut from, mut to, mut last, mut count) = (listener_m, image_m, None, 0);
+    loop {
+        let crossing = planes
+            .iter()
+            .enumerate()
+            .filter(|(wall, plane)| last != Some(*wall) && plane.distance_m(to) < 0.0)
+            .map(|(wall, plane)| {
+                let (near, far) = (plane.distance_m(from).max(0.0), plane.distance_m(to));
+                (wall, near / (near - far))
+            })
+            .min_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((wall, part)) = crossing else { return true };
+        if count == most {
+            return false;
+        }
+        (last, count) = (Some(wall), count + 1);
+        from = std::array::from_fn(|i| from[i] + part * (to[i] - from[i]));
+        to = mirrored(&planes[wall], to);
+        meets(wall, from);
     }
 }
 

@@ -40,8 +40,9 @@ impl Posed {
         let first_s = body.surface.next_key_s(f64::NEG_INFINITY).unwrap_or(0.0);
         let rigid = |form| Way::Rigid { form, to_world: DAffine3::IDENTITY };
         let way = match body.shape {
-            Shape::Rectangle { width_m, height_m } => rigid(Form::new(&rectangle(width_m, height_m), most)),
-            Shape::Box { size_m } => rigid(Form::new(&cuboid(size_m), most)),
+            shape @ (Shape::Rectangle { .. } | Shape::Box { .. }) => {
+                rigid(Form::new(&simple(shape).unwrap_or_default(), most))
+            }
             Shape::Mesh => {
                 let topology = body.surface.topology();
                 if topology == Topology::None {
@@ -234,7 +235,8 @@ fn read_at_key(body: &Body, key_s: f64, mesh: &mut Mesh) -> Result<()> {
     body.surface.mesh(key_s + 1e-7, mesh)
 }
 
-fn affine(frame: &Transform) -> DAffine3 {
+/// A transform as glam has it.
+pub(in crate::space) fn affine(frame: &Transform) -> DAffine3 {
     let column = |k: usize| DVec3::new(frame[0][k], frame[1][k], frame[2][k]);
     let matrix3 = DMat3::from_cols(column(0), column(1), column(2));
     DAffine3 { matrix3, translation: column(3) }
@@ -270,6 +272,15 @@ fn check(body: &Body) -> Result<()> {
 }
 
 /// A rectangle whose front faces −Z.
+/// The mesh of a simple shape about its origin; none of one that has its own.
+pub(in crate::space) fn simple(shape: Shape) -> Option<Mesh> {
+    match shape {
+        Shape::Mesh => None,
+        Shape::Rectangle { width_m, height_m } => Some(rectangle(width_m, height_m)),
+        Shape::Box { size_m } => Some(cuboid(size_m)),
+    }
+}
+
 fn rectangle(width_m: f64, height_m: f64) -> Mesh {
     let (x, y) = ((0.5 * width_m) as f32, (0.5 * height_m) as f32);
     Mesh {

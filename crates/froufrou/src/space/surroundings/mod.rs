@@ -21,6 +21,7 @@ use glam::DVec3;
 use crate::Result;
 use beam::Beam;
 use body::Posed;
+pub(in crate::space) use body::{affine, simple};
 pub use surface::Surface;
 
 /// What a body does to sound.
@@ -128,9 +129,19 @@ pub struct Bounce {
     pub point_m: [f64; 3],
     /// Length of the way from the source over the point to the microphone, in metres.
     pub length_m: f64,
-    /// The pressure gain of the whole way, both distances, reflection and occlusion, from a pressure of 1 at
-    /// 1 m. It takes the place of 1 / distance; the directivities come on top.
+    /// The pressure gain of both distances and the reflection, from a pressure of 1 at 1 m. It takes the place of
+    /// 1 / distance; the directivities come on top.
     pub gain: f64,
+    /// The part of the pressure that occlusion leaves on both halves of the way, 0 to 1; 1 where the gain is next to
+    /// nothing.
+    pub share: f64,
+}
+
+impl Bounce {
+    /// The gain of what is heard: of the whole way, with what occlusion leaves.
+    pub fn heard(&self) -> f64 {
+        self.gain * self.share
+    }
 }
 
 /// What reaches a microphone from a source.
@@ -194,20 +205,34 @@ impl Surroundings {
         paths.direct = self.passes(from, to, things, None);
         for number in 0..self.patches.len() {
             let (body, patch) = self.patches[number];
-            let mut found = self.bodies[body].reflect(patch, from, to);
-            if self.bodies[body].belongs_to(things) {
-                found.gain = 0.0;
+            let found = self.bodies[body].reflect(patch, from, to);
+            let gain = if self.bodies[body].belongs_to(things) { 0.0 } else { found.gain };
+            let mut share = 1.0;
+            if gain > FAINT {
+                share = self.passes(from, found.point, things, Some((body, patch)));
             }
-            if found.gain > FAINT {
-                found.gain *= self.passes(from, found.point, things, Some((body, patch)));
-            }
-            if found.gain > FAINT {
-                found.gain *= self.passes(found.point, to, things, Some((body, patch)));
+            if gain * share > FAINT {
+                share *= self.passes(found.point, to, things, Some((body, patch)));
             }
             let (point_m, length_m) = (found.point.to_array(), found.length_m);
-            paths.bounces.push(Bounce { point_m, length_m, gain: found.gain });
+            paths.bounces.push(Bounce { point_m, length_m, gain, share });
         }
         Ok(())
+    }
+
+    /// Whether nothing is there.
+    pub fn is_empty(&self) -> bool {
+        self.bodies.is_empty()
+    }
+
+    /// The part of the pressure that occlusion leaves on the straight way from one end to another.
+    ///
+    /// # Errors
+    /// A sample of a body's motion that cannot be read.
+    pub fn share(&mut self, time_s: f64, from: End, to: End) -> Result<f64> {
+        self.pose(time_s)?;
+        let things = [from.thing, to.thing];
+        Ok(self.passes(from.position_m.into(), to.position_m.into(), things, None))
     }
 
     /// The next time after `time_s` at which the motion of any body has a key.
@@ -266,6 +291,6 @@ impl Surroundings {
 }
 
 #[cfg(test)]
-mod meshes;
+pub(super) mod meshes;
 #[cfg(test)]
 mod tests;

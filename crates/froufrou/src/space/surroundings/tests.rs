@@ -55,7 +55,10 @@ fn the_shape_of_a_size_is_that_of_its_mesh() {
     let mesh = Moved::rigid(wall(8.0, 4.0, 5, 3), move |_| turned());
     let by_mesh = ask(&mut about(vec![body(mesh, Shape::Mesh)]), 0.0, s, m);
     let (a, b) = (by_size.bounces[0], by_mesh.bounces[0]);
-    assert!((a.gain / b.gain - 1.0).abs() < 1e-5 && (a.length_m - b.length_m).abs() < 1e-6, "{a:?} {b:?}");
+    assert!(
+        (a.heard() / b.heard() - 1.0).abs() < 1e-5 && (a.length_m - b.length_m).abs() < 1e-6,
+        "{a:?} {b:?}"
+    );
     // And a box by its size is that of a mesh, seen from any side.
     for s in [s, -s, DVec3::new(4.0, 4.0, 1.0)] {
         let by_size = ask(
@@ -66,7 +69,7 @@ fn the_shape_of_a_size_is_that_of_its_mesh() {
         );
         let mesh = Moved::rigid(cuboid([1.0, 2.0, 3.0], 3), |_| DAffine3::IDENTITY);
         let by_mesh = ask(&mut about(vec![body(mesh, Shape::Mesh)]), 0.0, s, m);
-        let total = |p: &Paths| p.bounces.iter().map(|b| b.gain * b.gain).sum::<f64>();
+        let total = |p: &Paths| p.bounces.iter().map(|b| b.heard().powi(2)).sum::<f64>();
         assert_eq!((by_size.bounces.len(), by_mesh.bounces.len()), (6, 6));
         assert!((total(&by_size) / total(&by_mesh) - 1.0).abs() < 1e-4);
         assert!((by_size.direct - by_mesh.direct).abs() < 0.005, "{} {}", by_size.direct, by_mesh.direct);
@@ -109,21 +112,21 @@ fn the_echo_of_a_turning_wall_is_loudest_as_a_mirror() {
         let paths = ask(&mut bodies, time_s, car, listener);
         assert!(paths.direct > 0.999, "the wall is out of the way");
         let bounce = paths.bounces[0];
-        if bounce.gain > best.0 {
-            best = (bounce.gain, time_s);
+        if bounce.heard() > best.0 {
+            best = (bounce.heard(), time_s);
         }
         // The front faces along −Z turned: seen from both only while both lie before its plane.
         let angle = time_s * std::f64::consts::TAU / 20.0;
         let front = DVec3::new(-angle.sin(), 0.0, -angle.cos());
         let before = |p: DVec3| (p - DVec3::new(0.0, 1.5, -12.0)).dot(front) > 0.0;
-        assert_eq!(bounce.gain > 0.0, before(car) && before(listener), "at {time_s}");
+        assert_eq!(bounce.heard() > 0.0, before(car) && before(listener), "at {time_s}");
         if let Some(last) = last {
             // Nothing steps: the length never changes faster than the wall's rim moves, 2 × 4 m × ω.
             assert!((bounce.length_m - last.length_m).abs() < 8.0 * 0.3142 * 1e-3 + 1e-9);
-            assert!((bounce.gain - last.gain).abs() < 2e-4, "{last:?} {bounce:?}");
+            assert!((bounce.heard() - last.gain).abs() < 2e-4, "{last:?} {bounce:?}");
             // In decibels, where it is no further than 40 dB below its loudest.
-            if last.gain > 1e-2 * 0.04 && bounce.gain > 1e-2 * 0.04 {
-                steepest = steepest.max(db(bounce.gain / last.gain).abs());
+            if last.gain > 1e-2 * 0.04 && bounce.heard() > 1e-2 * 0.04 {
+                steepest = steepest.max(db(bounce.heard() / last.gain).abs());
             }
         }
         last = Some(bounce);
@@ -173,11 +176,11 @@ fn a_passing_wall_dampens_smoothly_first_the_car_and_then_its_echo() {
     let passing = occluder(hung(Shape::Rectangle { width_m: 3.0, height_m: 6.0 }, pass));
     let mut both = about(vec![mirror, passing]);
     let at = |both: &mut Surroundings, t| ask(both, t, car, listener);
-    let open = at(&mut both, 0.0).bounces[0].gain;
+    let open = at(&mut both, 0.0).bounces[0].heard();
     let (first, then) = (at(&mut both, 2.0), at(&mut both, 2.6));
-    assert!(first.direct < 0.11 && first.bounces[0].gain > 0.999 * open, "{first:?}");
+    assert!(first.direct < 0.11 && first.bounces[0].heard() > 0.999 * open, "{first:?}");
     // There it stands aslant: of the zone of 1.52 m radius it hides the middle 1.34 m, a share of 0.54.
-    let left = then.bounces[0].gain / open;
+    let left = then.bounces[0].heard() / open;
     assert!(then.direct > 0.999 && (left - (1.0 - 0.9 * 0.54)).abs() < 0.06, "{left}");
 }
 
@@ -247,7 +250,7 @@ fn what_carries_a_sound_is_not_in_its_way() {
     let end = |z: f64, thing| End { position_m: [0.0, 0.0, z], thing };
     let mut paths = Paths::default();
     about.paths(0.0, end(0.0, Some(7)), end(5.0, None), &mut paths).unwrap();
-    assert!(paths.direct == 1.0 && paths.bounces.iter().all(|b| b.gain == 0.0));
+    assert!(paths.direct == 1.0 && paths.bounces.iter().all(|b| b.heard() == 0.0));
     about.paths(0.0, end(5.0, None), end(0.0, Some(7)), &mut paths).unwrap();
     assert_eq!(paths.direct, 1.0);
     about.paths(0.0, end(0.0, Some(8)), end(5.0, None), &mut paths).unwrap();
@@ -273,10 +276,10 @@ fn ways_of_a_body_are_the_same_however_its_file_tells_them() {
     for step in 0..200 {
         let time_s = f64::from(step) * 0.01;
         let [a, b, c] = three.each_mut().map(|one| ask(one, time_s, s, m).bounces[0]);
-        assert!((a.gain / b.gain - 1.0).abs() < 1e-4 && (a.length_m - b.length_m).abs() < 1e-5);
+        assert!((a.heard() / b.heard() - 1.0).abs() < 1e-4 && (a.length_m - b.length_m).abs() < 1e-5);
         // Between keys the third goes straight.
         assert!(
-            (a.gain / c.gain - 1.0).abs() < 3e-3 && (a.length_m - c.length_m).abs() < 3e-3,
+            (a.heard() / c.gain - 1.0).abs() < 3e-3 && (a.length_m - c.length_m).abs() < 3e-3,
             "{a:?} {c:?}"
         );
         if let Some(last) = last {
@@ -352,7 +355,9 @@ fn odd_places_and_meshes_leave_numbers() {
                         assert!((0.0..=1.0).contains(&paths.direct), "{}", paths.direct);
                         for bounce in &paths.bounces {
                             assert!(
-                                bounce.gain >= 0.0 && bounce.gain.is_finite() && bounce.length_m.is_finite()
+                                bounce.heard() >= 0.0
+                                    && bounce.heard().is_finite()
+                                    && bounce.length_m.is_finite()
                             );
                         }
                     }
