@@ -1,5 +1,6 @@
 //! What the signal is: threads in, samples out, block by block.
 
+pub mod bus;
 mod filter;
 mod gate;
 pub mod instrument;

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use super::bus::{Bus, Feed};
 use super::filter::{Filter, Filters};
 use super::path::PathKey;
 use crate::Result;
@@ -16,6 +17,9 @@ pub enum Receiver {
     Channel,
     /// To a head, whose ears are two channels.
     Head(HeadReceiver),
+    /// Into the lanes of a bus, and from there by its responses into channels: its own, which follow those of the
+    /// receiver before, and any others.
+    Bus(Bus),
 }
 
 impl Receiver {
@@ -29,6 +33,24 @@ impl Receiver {
         match self {
             Receiver::Channel => 1,
             Receiver::Head(_) => 2,
+            Receiver::Bus(bus) => bus.channels(),
+        }
+    }
+
+    /// By how many paths, each with its own delay, a thread arrives at it.
+    pub(crate) fn paths(&self) -> usize {
+        match self {
+            Receiver::Channel | Receiver::Bus(_) => 1,
+            Receiver::Head(_) => 2,
+        }
+    }
+
+    /// Whether it matters from where something comes.
+    pub(crate) fn has_places(&self) -> bool {
+        match self {
+            Receiver::Channel => false,
+            Receiver::Head(_) => true,
+            Receiver::Bus(bus) => bus.feed() == Feed::Field,
         }
     }
 
@@ -36,7 +58,7 @@ impl Receiver {
     /// their time.
     pub(crate) fn reach(&self) -> [usize; 2] {
         match self {
-            Receiver::Channel => [0; 2],
+            Receiver::Channel | Receiver::Bus(_) => [0; 2],
             Receiver::Head(HeadReceiver(head)) => [head.lead(), head.taps().saturating_sub(head.lead())],
         }
     }
