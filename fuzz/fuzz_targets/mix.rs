@@ -89,7 +89,7 @@ target!(|bytes| {
             let Ok(lines) = reader.by_time() else { return };
             let lines = Ending::<ObjectSpace, _>::new(lines, lengths, header.duration_s);
             let Ok(lines) = Propagation::new(&header, lines) else { return };
-            mix(&channel_header(&header), soundings, Box::new(lines));
+            mix(&channel_header(&header, false), soundings, Box::new(lines));
         }
         Ok(AnySpace::Channel(reader)) => {
             let header = reader.header().clone();

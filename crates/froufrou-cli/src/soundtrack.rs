@@ -141,7 +141,7 @@ where
     }
     let channel_names = header.channels();
     let channels = channel_names.len();
-    let receivers = receivers::load(&header.receivers, folder, rate_hz)?;
+    let receivers = receivers::load(header, folder, rate_hz)?;
     let extent = Extent { rate_hz, from_s: options.from, to_s: options.to, duration_s: header.duration_s };
     let mut project = options.reaper.as_deref().map(reaper::Session::new).transpose()?;
     let stems = options.stems.clone().or_else(|| project.as_ref().map(reaper::Session::stems_folder));

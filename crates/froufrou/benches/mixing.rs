@@ -12,7 +12,7 @@ use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
 use froufrou::score::{Arrival, ChannelLine, Start, Statement, Verb};
 use froufrou::synth::mixer::Mixer;
-use froufrou::synth::path::{Fades, Segment, UNFILTERED};
+use froufrou::synth::path::{Fades, Segment, UNFILTERED, UNSPREAD};
 use froufrou::synth::receivers::Receiver;
 use froufrou::synth::voice::{Playback, Prototype, add_segment};
 use rubato::audioadapter_buffers::direct::InterleavedSlice;
@@ -99,6 +99,7 @@ fn reading(bencher: Bencher, ratio: f64) {
         slope: [1.0 - ratio; 2],
         gain: [1.0; 2],
         filter: [UNFILTERED; 2],
+        spread: [UNSPREAD; 2],
         fades: Fades::NONE,
     };
     let playback = Playback { start_s: -0.01, speed: 1.0, offset_s: 0.0 };
@@ -152,6 +153,7 @@ fn copy(bencher: Bencher) {
         slope: [0.003, 0.004],
         gain: [0.3, 0.4],
         filter: [UNFILTERED; 2],
+        spread: [UNSPREAD; 2],
         fades: Fades::NONE,
     };
     bencher.counter(ItemsCount::new(256u64)).bench(|| {

@@ -12,7 +12,7 @@
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
 use froufrou::random::Random;
-use froufrou::space::air::Air;
+use froufrou::space::air::Medium;
 use froufrou::space::bands::BandFilters;
 use froufrou::space::convolution::Convolver;
 use froufrou::space::reverberation::Reverberation;
@@ -107,12 +107,12 @@ fn images(bencher: Bencher, order: usize) {
 
 #[divan::bench]
 fn reverberation(bencher: Bencher) {
-    bencher.bench_local(|| Reverberation::new(black_box(&hall()), &Air::default(), 3).unwrap());
+    bencher.bench_local(|| Reverberation::new(black_box(&hall()), &Medium::default(), 3).unwrap());
 }
 
 #[divan::bench(args = [48_000, 96_000])]
 fn tail_of_a_hall(bencher: Bencher, rate_hz: u32) {
-    let reverberation = Reverberation::new(&hall(), &Air::default(), 3).unwrap();
+    let reverberation = Reverberation::new(&hall(), &Medium::default(), 3).unwrap();
     let count = reverberation.tail(f64::from(rate_hz), 1, 1).unwrap().len();
     bencher
         .counter(ItemsCount::new(count))

@@ -332,3 +332,117 @@ fn rooms_and_planes_that_cannot_be_say_so() {
     let error = production.channel_lines().err().unwrap().to_string();
     assert!(error.contains("which carries a plane, is 3 bodies"), "{error}");
 }
+
+/// A click in a room whose walls take 30 %, by a layout.
+fn hall(layout: &str, order: usize, tail: bool) -> String {
+    format!(
+        "seed = 3\n[room]\nsize = [8, 4, 6]\nabsorption = 0.3\norder = {order}\ntail = {tail}\n\
+         [listener]\nlayout = '{layout}'\nposition = [5, 1.7, 4]\n\
+         [[object]]\nname = 'a'\nposition = [2, 1.2, 1.5]\nsound = {{ recording = 'click.wav', at = [0.1] }}\n\
+         [[object]]\nname = 'b'\nposition = [3, 1.2, 2.5]\nsound = {{ recording = 'click.wav', at = [0.3], gain_db = -6 }}\n"
+    )
+}
+
+#[test]
+fn a_room_reverberates_as_long_as_eyring_says_and_rings_out() {
+    let studio = Studio::new();
+    click(&studio);
+    let rate_hz = f64::from(RATE_HZ);
+    // 24 ln 10 V / (c S (−ln 0.7)), and 90 dB of it behind the images.
+    let (volume, area) = (8.0 * 4.0 * 6.0, 2.0 * (8.0 * 4.0 + 8.0 * 6.0 + 4.0 * 6.0));
+    let eyring_s = 24.0 * 10f64.ln() * volume / (SPEED_MPS * area * -(0.7f64.ln()));
+    for layout in ["mono", "binaural", "ambisonic-1", "5.1"] {
+        let sound = studio.scene(&hall(layout, 3, true), Take::at(RATE_HZ)).unwrap();
+        let dry = studio.scene(&hall(layout, 3, false), Take::at(RATE_HZ)).unwrap();
+        assert!(sound.frames() as f64 / rate_hz > 0.3 + 1.5 * eyring_s, "{layout}");
+        assert!(sound.frames() > dry.frames() + RATE_HZ as usize / 3);
+        for channel in 0..sound.channels {
+            let samples = sound.channel(channel);
+            if samples.iter().all(|sample| *sample == 0.0) {
+                assert_eq!((layout, channel), ("5.1", 3), "only the channel for low effects is silent");
+                continue;
+            }
+            // Schroeder's backward integral from 0.15 s after the second click, over 30 dB.
+            let begin = (0.45 * rate_hz) as usize;
+            let mut left: Vec<f64> = samples[begin..]
+                .iter()
+                .rev()
+                .scan(0.0, |sum, sample| {
+                    *sum += sample * sample;
+                    Some(*sum)
+                })
+                .collect();
+            left.reverse();
+            let below =
+                |db: f64| left.iter().position(|e| *e < left[0] * 10f64.powf(-db / 10.0)).unwrap() as f64;
+            let found_s = 2.0 * (below(35.0) - below(5.0)) / rate_hz;
+            println!("{layout} {channel}: {found_s:.3} s, Eyring {eyring_s:.3} s");
+            assert!((found_s / eyring_s - 1.0).abs() < 0.08, "{layout} {channel}: {found_s} s");
+        }
+    }
+}
+
+#[test]
+fn images_and_tail_together_are_as_loud_whatever_the_order() {
+    let studio = Studio::new();
+    click(&studio);
+    let energies: Vec<f64> = [0, 2, 5]
+        .map(|order| {
+            let sound = studio.scene(&hall("mono", order, true), Take::at(RATE_HZ)).unwrap();
+            sound.channel(0).iter().map(|s| s * s).sum()
+        })
+        .into();
+    for energy in &energies {
+        let off_db = 10.0 * (energy / energies[2]).log10();
+        // Of one place in the room; a tail has the mean over all.
+        assert!(off_db.abs() < 1.0, "{energies:?}");
+    }
+}
+
+#[test]
+fn stems_ranges_threads_and_stages_hold_in_a_room_that_reverberates() {
+    let studio = Studio::new();
+    click(&studio);
+    for layout in ["binaural", "stereo"] {
+        let scene = hall(layout, 1, true);
+        let whole = studio.scene(&scene, Take { cores: 1, ..Take::at(RATE_HZ) }).unwrap();
+        assert_eq!(whole.stems.len(), 2);
+        for (n, sample) in whole.mix.iter().enumerate() {
+            let sum: f32 = whole.stems.iter().map(|(_, stem)| stem[n]).sum();
+            assert!((sum - sample).abs() < 1e-6, "{n}: {sum} {sample}");
+        }
+        for (from_s, to_s) in [(0.0, 0.05), (0.2, 0.35), (0.61, 0.62)] {
+            let part = studio.scene(&scene, Take { from_s, to_s: Some(to_s), ..Take::at(RATE_HZ) }).unwrap();
+            let begin = (from_s * f64::from(RATE_HZ)).ceil() as usize * 2;
+            assert!(part.mix[..] == whole.mix[begin..begin + part.mix.len()], "{layout} from {from_s} s");
+        }
+        let production = studio.production(&scene).unwrap();
+        let mut writer =
+            froufrou::score::ChannelWriter::new(Vec::new(), &production.channel_header()).unwrap();
+        for line in production.channel_lines().unwrap() {
+            writer.write(&line.unwrap()).unwrap();
+        }
+        let text = String::from_utf8(writer.finish().unwrap()).unwrap();
+        assert!(text.contains("tail \"scene.toml\" left"), "{text}");
+        let again = studio.score(&text, Take::at(RATE_HZ)).unwrap();
+        assert!(again.mix == whole.mix, "{layout}");
+    }
+}
+
+#[test]
+fn what_is_outside_is_not_heard_to_reverberate() {
+    let studio = Studio::new();
+    click(&studio);
+    let at = |x: f64| {
+        format!(
+            "duration = 0.6\n[room]\nsize = [8, 4, 6]\n[[microphone]]\nname = 'm'\nposition = [5, 1.7, 4]\n\
+             [[sound]]\nposition = [{x}, 1.5, 3]\nrecording = 'click.wav'\nat = [0.1]\n"
+        )
+    };
+    let later = |x: f64| -> f64 {
+        let sound = studio.scene(&at(x), Take::at(RATE_HZ)).unwrap().channel(0);
+        sound[(0.2 * f64::from(RATE_HZ)) as usize..].iter().map(|s| s * s).sum()
+    };
+    assert!(later(3.0) > 1e-4);
+    assert_eq!(later(-2.0), 0.0);
+}

@@ -1,6 +1,7 @@
 //! The driver: pulls blocks through all stages into files.
 
 pub mod broadcast;
+mod buses;
 pub mod flac;
 pub mod format;
 pub mod labels;

@@ -4,13 +4,14 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::buses::Buses;
 use crate::score::ChannelLine;
 use crate::synth::mixer::{Begun, Block, Mixer, Voices};
 use crate::synth::voice::{LAST_FRAME, first_frame};
 use crate::{Error, Result};
 
 /// Frames that one core renders at a time.
-const BLOCK_FRAMES: usize = 1024;
+pub(super) const BLOCK_FRAMES: usize = 1024;
 
 /// Blocks between two looks at the score. Memory grows with this, not with the soundtrack.
 const BLOCKS: usize = 64;
@@ -73,16 +74,19 @@ where
 {
     let rate_hz = f64::from(extent.rate_hz);
     let (from, end) = extent.frames();
+    let mut buses = Buses::new(mixer.voices(), from, with_stems);
+    let mixed_from = buses.mixed_from(from);
     let mut at = 0;
     loop {
         let mut to = at + (BLOCKS * BLOCK_FRAMES) as u64;
         if at < from {
+            to = to.min(from);
+        }
+        if at < mixed_from {
             // What comes before is read, for its threads may sound on, but not rendered. Where
             // nothing is to be read there is nothing to be passed piece by piece.
             let next = mixer.next_s().map_or(LAST_FRAME, |next_s| first_frame(next_s, rate_hz));
-            to = to.max(next).min(from);
-        }
-        if at < from {
+            to = to.max(next).min(mixed_from);
             mixer.skip_to(to)?
         } else {
             mixer.read_to(to)?
@@ -97,13 +101,19 @@ where
         let reaches = limit.unwrap_or_else(|| first_frame(known_s, rate_hz));
         let begun = mixer.take_begun();
         if to <= at || at < from {
+            if to > at && at >= mixed_from {
+                // Not heard, but on its way through a bus.
+                buses.feed(mixer.voices(), to, from)?;
+            }
             let objects = mixer.objects();
             each(Piece { frames: at..at, mix: &[], stems: &[], objects, begun: &begun, reaches })?;
             if to <= at {
                 return Ok(());
             }
         } else {
-            let blocks = blocks(mixer.voices(), at..to, with_stems);
+            let mut blocks = blocks(mixer.voices(), at..to, with_stems);
+            buses.feed(mixer.voices(), to, at)?;
+            buses.add(&mut blocks, channels)?;
             let mix: Vec<f32> = blocks.iter().flat_map(|b| interleave(&b.mix, channels)).collect();
             let mut sounding: Vec<usize> = blocks.iter().flat_map(|b| b.stems.keys().copied()).collect();
             sounding.sort_unstable();

@@ -89,7 +89,7 @@ impl Production {
 
     /// The header of its score in channel space.
     pub fn channel_header(&self) -> ChannelHeader {
-        channel_header(&self.header)
+        channel_header(&self.header, self.scene.reverberates())
     }
 }
 
@@ -160,16 +160,16 @@ pub fn open_score(path: &Path) -> Result<(ChannelHeader, Soundings, ChannelLines
             let lines = Ending::<ObjectSpace, _>::new(reader.by_time()?, lengths, header.duration_s);
             let path = path.to_owned();
             let lines = lines.map(move |line: Result<ObjectLine>| line.map_err(|fault| fault.in_file(&path)));
-            let tracing = match &header.surroundings {
+            let (tracing, reverberates) = match &header.surroundings {
                 // A score may name any file, as it may any recording.
                 Some(scene) => {
                     let scene = Scene::open(folder.join(scene), true)?;
-                    Tracing::of(&scene, &World::open(&scene)?)?
+                    (Tracing::of(&scene, &World::open(&scene)?)?, scene.reverberates())
                 }
-                None => None,
+                None => (None, false),
             };
             let lines = Propagation::new(&header, lines)?.among(tracing);
-            Ok((channel_header(&header), prototypes, Box::new(lines)))
+            Ok((channel_header(&header, reverberates), prototypes, Box::new(lines)))
         }
         AnySpace::Channel(reader) => {
             let header = reader.header().clone();

@@ -7,7 +7,7 @@
 use std::path::PathBuf;
 
 use crate::score::{Blow, Make, Pickup, Radiation, Repeat};
-use crate::space::air::Air;
+use crate::space::air::{Air, Medium};
 use crate::space::bands::Bands;
 use crate::space::room::Room;
 use crate::{Error, Result};
@@ -400,6 +400,17 @@ pub struct Contacts {
 }
 
 impl Scene {
+    /// What sound goes through.
+    pub fn medium(&self) -> Medium {
+        // Where nothing is said of the air it takes nothing.
+        Medium::new(self.speed_of_sound_mps, self.air.map_or([0.0; 8], |air| air.band_absorption_db_per_m()))
+    }
+
+    /// Whether it is in a room that reverberates behind the reflections that are heard one by one.
+    pub fn reverberates(&self) -> bool {
+        matches!(&self.enclosing, Some(Enclosing::Room(about)) if about.has_tail)
+    }
+
     /// Gives the listener another layout than the scene does.
     ///
     /// # Errors

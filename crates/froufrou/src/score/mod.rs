@@ -234,8 +234,8 @@ impl<R> Header<R> {
         R: Receives,
     {
         let sounds = self.sounds.iter_mut().filter_map(|sound| sound.make.file_mut());
-        let heads = self.receivers.iter_mut().filter_map(Receives::head_mut);
-        sounds.chain(self.surroundings.as_mut()).chain(heads)
+        let receivers = self.receivers.iter_mut().filter_map(Receives::file_mut);
+        sounds.chain(self.surroundings.as_mut()).chain(receivers)
     }
 }
 
@@ -248,12 +248,12 @@ impl Header<Output> {
 
 /// Who receives in either space.
 pub trait Receives {
-    /// The path of the file of its head, if it has one.
-    fn head_mut(&mut self) -> Option<&mut String>;
+    /// The path of the file that it needs, if it needs one.
+    fn file_mut(&mut self) -> Option<&mut String>;
 }
 
 impl Receives for Microphone {
-    fn head_mut(&mut self) -> Option<&mut String> {
+    fn file_mut(&mut self) -> Option<&mut String> {
         match &mut self.pickup {
             Pickup::Binaural { head } => head.as_mut(),
             _ => None,
@@ -262,9 +262,10 @@ impl Receives for Microphone {
 }
 
 impl Receives for Output {
-    fn head_mut(&mut self) -> Option<&mut String> {
+    fn file_mut(&mut self) -> Option<&mut String> {
         match self {
             Output::Head { head, .. } => head.as_mut(),
+            Output::Tail { scene, .. } => Some(scene),
             Output::Channel(_) => None,
         }
     }
@@ -460,12 +461,21 @@ pub enum Output {
         /// `None`: a sphere of the size of a head.
         head: Option<String>,
     },
+    /// The reverberation of a room behind its first reflections: what arrives here sounds on in channels of other
+    /// outputs.
+    Tail {
+        /// The scene whose room it is, as a path relative to the folder of the score.
+        scene: String,
+        /// The channels in which it sounds, by their names, and how loud in each.
+        channels: Vec<(String, f64)>,
+    },
 }
 
 impl Output {
     /// The names of its channels.
     pub fn channels(&self) -> &[String] {
         match self {
+            Output::Tail { .. } => &[],
             Output::Channel(name) => std::slice::from_ref(name),
             Output::Head { ears, .. } => ears,
         }

@@ -29,6 +29,7 @@ pub const DURATION: Quantity = quantity("the duration in seconds", Bound::Positi
 pub const TIME: Quantity = quantity("the time in seconds", Bound::NotNegative);
 pub const GAIN: Quantity = quantity("the gain", Bound::NotNegative);
 pub const SIGNED_GAIN: Quantity = quantity("the gain", Bound::Finite);
+pub const LEVEL: Quantity = quantity("the level in the channel", Bound::NotNegative);
 pub const BAND_GAIN: Quantity = quantity("the gain of the octave band", Bound::NotNegative);
 pub const DELAY: Quantity = quantity("the delay in seconds", Bound::NotNegative);
 pub const PLAYBACK_SPEED: Quantity = quantity("the playback speed", Bound::Positive);

@@ -471,7 +471,7 @@ impl Space for ChannelSpace {
     type Line = ChannelLine;
 
     const HAS_PLACES: bool = false;
-    const RECEIVER_KEYWORDS: &'static [&'static str] = &["channels", "head"];
+    const RECEIVER_KEYWORDS: &'static [&'static str] = &["channels", "head", "tail"];
     const RECEIVER_VERBS: &'static [&'static str] = &[];
     const CLAUSES: &'static [&'static str] = &["bands"];
     type Draft = ArrivalsDraft;
@@ -484,6 +484,9 @@ impl Space for ChannelSpace {
             let head = file.then(|| words.name("the file of a head")).transpose()?;
             receivers.push(Output::Head { ears, head: head.map(|path| path.into_owned()) });
             return Ok(());
+        }
+        if keyword == "tail" {
+            return read_tail(words, receivers);
         }
         if matches!(receivers.last(), Some(Output::Channel(_))) {
             return Err(words
@@ -522,6 +525,20 @@ impl Space for ChannelSpace {
                     if let Some(path) = head {
                         line.push(' ');
                         push_quoted(&mut line, path);
+                    }
+                    lines.push((index, line));
+                }
+                Output::Tail { scene, channels } => {
+                    let mut line = String::from("tail ");
+                    push_quoted(&mut line, scene);
+                    if channels.is_empty() {
+                        return Err(Error::new("a tail sounds in no channel"));
+                    }
+                    for (name, level) in channels {
+                        line.push(' ');
+                        push_name(&mut line, name);
+                        line.push(' ');
+                        quantity::LEVEL.push(&mut line, *level)?;
                     }
                     lines.push((index, line));
                 }
@@ -609,7 +626,10 @@ impl Space for ChannelSpace {
             text.push(' ');
             quantity::DELAY.push(text, *delay_s)?;
             match (output, from_m) {
-                (Output::Channel(_), None) => {}
+                (Output::Channel(_) | Output::Tail { .. }, None) => {}
+                (Output::Tail { .. }, Some(_)) => {
+                    return Err(Error::new("what arrives at a tail has a place"));
+                }
                 (Output::Head { .. }, Some(from_m)) => push_vector(text, "", quantity::FROM, *from_m)?,
                 (Output::Channel(name), Some(_)) => {
                     return Err(Error::new(format!("what arrives in the channel `{name}` has a place")));
@@ -641,6 +661,23 @@ impl Space for ChannelSpace {
             ChannelLine::Cue(cue) => LineRef::Cue(cue),
         }
     }
+}
+
+/// Reads what follows `tail`.
+fn read_tail(words: &mut Words<'_>, receivers: &mut Vec<Output>) -> Result<()> {
+    let scene = words.name("the file of a scene")?.into_owned();
+    let mut channels: Vec<(String, f64)> = Vec::new();
+    while channels.is_empty() || words.peek().is_some_and(|next| next != b'#') {
+        let name = words.name("the name of a channel that is declared above")?;
+        let known = || receivers.iter().flat_map(Output::channels).map(String::as_str);
+        if !known().any(|known| known == name) {
+            return Err(words.unknown("channel", &name, known(), "one that is declared above"));
+        }
+        let name = name.into_owned();
+        channels.push((name, words.number_of(quantity::LEVEL)?));
+    }
+    receivers.push(Output::Tail { scene, channels });
+    Ok(())
 }
 
 /// Reads the gains of all octave bands.

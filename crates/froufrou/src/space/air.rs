@@ -26,6 +26,37 @@ pub struct Air {
     water_percent: f64,
 }
 
+/// What sound goes through: how fast, and what it loses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Medium {
+    speed_of_sound_mps: f64,
+    absorption_db_per_m: Bands,
+}
+
+impl Medium {
+    /// A medium of a speed of sound that takes so much from each octave band in each metre.
+    pub fn new(speed_of_sound_mps: f64, absorption_db_per_m: Bands) -> Self {
+        Self { speed_of_sound_mps, absorption_db_per_m }
+    }
+
+    /// The speed of sound in m/s.
+    pub fn speed_of_sound_mps(&self) -> f64 {
+        self.speed_of_sound_mps
+    }
+
+    /// By how many dB each octave band falls in each metre.
+    pub fn band_absorption_db_per_m(&self) -> Bands {
+        self.absorption_db_per_m
+    }
+}
+
+impl Default for Medium {
+    /// The air of a room.
+    fn default() -> Self {
+        Air::default().medium()
+    }
+}
+
 impl Default for Air {
     /// A room: 20 °C, half saturated, one atmosphere.
     fn default() -> Self {
@@ -69,6 +100,11 @@ impl Air {
     /// The speed of sound in m/s: 343.2 at 20 °C, and as the root of the absolute temperature.
     pub fn speed_of_sound_mps(&self) -> f64 {
         343.2 * (self.kelvin / REFERENCE_K).sqrt()
+    }
+
+    /// As what sound goes through.
+    pub fn medium(&self) -> Medium {
+        Medium::new(self.speed_of_sound_mps(), self.band_absorption_db_per_m())
     }
 
     /// By how many dB a pure tone falls in each metre (equations 3 to 5).

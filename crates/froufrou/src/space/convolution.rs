@@ -13,7 +13,7 @@
 //! | --- | --- |
 //! | error | below −130 dB of the output's peak, in single precision |
 //! | cost a sample | two FFTs a size of part for the first response, one for each further; 7 complex products a size of part below the longest, then one for every part of the longest |
-//! | memory | 24 bytes a tap for the first response, 16 for each further |
+//! | memory | 24 bytes a tap for the first response, 16 for each further; 8 bytes a tap for [another sound](Convolver::another) through the same |
 
 use std::sync::Arc;
 
@@ -36,10 +36,13 @@ const COARSEST: usize = 8192;
 const MOST_TAPS: usize = 1 << 27;
 
 /// A sound on its way through several responses.
+#[derive(Clone)]
 pub struct Convolver {
     responses: usize,
+    /// The length of the longest response.
+    taps: usize,
     /// The first taps of each response, latest first, [`FINEST`] a response; empty where all are 0.
-    head: Vec<f32>,
+    head: Arc<[f32]>,
     /// The last input before this frame's part and that part, twice [`FINEST`].
     recent: Vec<f32>,
     stages: Vec<Stage>,
@@ -80,7 +83,30 @@ impl Convolver {
             stages.extend(Stage::new(&mut planner, size, from..to, responses));
             (from, size) = (to, size * GROWTH);
         }
-        Ok(Self { responses: responses.len(), head, recent: vec![0.0; 2 * FINEST], stages, frame: 0 })
+        let (responses, head, recent) = (responses.len(), head.into(), vec![0.0; 2 * FINEST]);
+        Ok(Self { responses, taps, head, recent, stages, frame: 0 })
+    }
+
+    /// Another sound on its way through the same responses, which both share; nothing has been fed to it.
+    pub fn another(&self) -> Self {
+        let mut another = self.clone();
+        another.start(0);
+        another
+    }
+
+    /// The number of responses.
+    pub fn responses(&self) -> usize {
+        self.responses
+    }
+
+    /// The length of the longest response.
+    pub fn taps(&self) -> usize {
+        self.taps
+    }
+
+    /// True where nothing is under way: from silence nothing but silence will come.
+    pub fn is_silent(&self) -> bool {
+        self.recent.iter().all(|sample| *sample == 0.0) && self.stages.iter().all(Stage::is_silent)
     }
 
     /// From which frame on the input must be fed so that the output from a frame on is what it is when all is fed.
@@ -173,6 +199,7 @@ fn direct(head: &[f32], recent: &[f32], out: &mut [f32]) {
 }
 
 /// The parts of one size.
+#[derive(Clone)]
 struct Stage {
     size: usize,
     /// How many parts after the start of the responses the first of these lies: 1 or more.
@@ -182,7 +209,7 @@ struct Stage {
     forward: Arc<dyn RealToComplex<f32>>,
     inverse: Arc<dyn ComplexToReal<f32>>,
     /// The spectrum of each part of each response.
-    parts_of: Vec<Vec<Spectrum>>,
+    parts_of: Arc<[Vec<Spectrum>]>,
     /// Those of the input, each of one part and the one before; a ring.
     spectra: Vec<Spectrum>,
     /// The place of the latest in the ring.
@@ -249,7 +276,7 @@ impl Stage {
             size,
             first,
             parts: last + 1 - first,
-            parts_of: Vec::with_capacity(responses.len()),
+            parts_of: Arc::default(),
             spectra: vec![Spectrum::new(size); last],
             latest: 0,
             input: vec![0.0; 2 * size],
@@ -263,6 +290,7 @@ impl Stage {
             inverse,
         };
         let scale = 1.0 / (2 * size) as f32;
+        let mut parts_of = Vec::with_capacity(responses.len());
         for response in responses {
             let mut spectra = vec![Spectrum::new(size); stage.parts];
             for (index, spectrum) in spectra.iter_mut().enumerate() {
@@ -274,8 +302,9 @@ impl Stage {
                     spectrum.set(&stage.bins);
                 }
             }
-            stage.parts_of.push(spectra);
+            parts_of.push(spectra);
         }
+        stage.parts_of = parts_of.into();
         Some(stage)
     }
 
@@ -292,6 +321,11 @@ impl Stage {
         self.input.fill(0.0);
         self.output.fill(0.0);
         self.made = true;
+    }
+
+    fn is_silent(&self) -> bool {
+        let is_zero = |samples: &[f32]| samples.iter().all(|sample| *sample == 0.0);
+        self.spectra.iter().all(|spectrum| spectrum.silent) && is_zero(&self.input) && is_zero(&self.output)
     }
 
     /// Takes in frames that lie in one part of the finest size.

@@ -99,6 +99,13 @@ impl Directivity {
         harmonics(direction).iter().zip(&self.coefficients).map(|(y, c)| y * c).sum()
     }
 
+    /// The gain towards all sides together: the root of the mean of its square over the sphere. Real harmonics of order
+    /// n in SN3D scaling have a mean square of 1 / (2 n + 1).
+    pub fn diffuse(&self) -> f64 {
+        let parts = self.coefficients.iter().enumerate();
+        parts.map(|(n, weight)| weight * weight / (2 * n.isqrt() + 1) as f64).sum::<f64>().sqrt()
+    }
+
     /// The gain towards what lies `toward_m` from the source, in metres in the world, where the
     /// source has a local-to-world transform.
     ///

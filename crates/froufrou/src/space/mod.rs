@@ -17,7 +17,7 @@ mod pickup;
 pub mod propagation;
 pub mod reverberation;
 pub mod room;
-mod sphere;
+pub(crate) mod sphere;
 pub mod spread;
 pub mod surroundings;
 pub mod tracing;

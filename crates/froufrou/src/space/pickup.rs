@@ -53,6 +53,29 @@ fn unit(vector: [f64; 3]) -> Option<[f64; 3]> {
     (long > 0.0 && long.is_finite()).then(|| vector.map(|c| c / long))
 }
 
+/// How loud each channel of a microphone hears what comes from all sides alike, against one that hears all around: the
+/// root of its mean square. What ears hear is for the head to say.
+pub(crate) fn diffuse(pickup: &Pickup) -> Vec<f64> {
+    match pickup {
+        Pickup::Shape(shape) => {
+            // The mean over the sphere is that over cos μ, by Simpson's rule.
+            let steps = 2000;
+            let at = |n: usize| directivity(*shape, 2.0 * n as f64 / steps as f64 - 1.0).powi(2);
+            let inner: f64 = (1..steps).map(|n| at(n) * if n % 2 == 1 { 4.0 } else { 2.0 }).sum();
+            vec![((at(0) + inner + at(steps)) / (3.0 * steps as f64)).sqrt()]
+        }
+        Pickup::Binaural { .. } => vec![1.0; 2],
+        Pickup::Ambisonic { order } => {
+            (0..ambisonic::channels(*order)).map(|n| (1.0 / (2 * n.isqrt() + 1) as f64).sqrt()).collect()
+        }
+        Pickup::Loudspeakers(all) => {
+            let playing = all.iter().filter(|loudspeaker| !loudspeaker.is_lfe).count() as f64;
+            let level = |is_lfe| if is_lfe { 0.0 } else { (1.0 / playing).sqrt() };
+            all.iter().map(|loudspeaker| level(loudspeaker.is_lfe)).collect()
+        }
+    }
+}
+
 /// A microphone made ready to be asked.
 pub(crate) enum Receiving {
     Shape(MicrophoneShape),
@@ -162,6 +185,27 @@ mod tests {
         assert_eq!(gain(shape(0.0, 1.0), [1.0, 2.0, -1.0]), 0.25);
         let side = gain(shape(1.0, 2.0), [5.0, 2.0, 3.0]);
         assert!((side - 0.25 * (1.0 + 0.25) / 2.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn what_comes_from_all_sides_has_its_mean_square() {
+        // The mean of ((1 + x) / 2)² over x from −1 to 1 is 1/3.
+        let level = |pickup| diffuse(&pickup)[0];
+        assert!((level(shape(0.0, 1.0)) - (1.0f64 / 3.0).sqrt()).abs() < 1e-12);
+        assert!((level(shape(0.0, 0.0)) - 1.0).abs() < 1e-12);
+        // And of ((1 + (1 + x) / 2) / 2)² it is (1 + 1 + 1/3) / 4.
+        assert!((level(shape(1.0, 1.0)) - (7.0f64 / 12.0).sqrt()).abs() < 1e-12);
+        // The channels of a sound field, each over all directions.
+        let levels = diffuse(&Pickup::Ambisonic { order: 3 });
+        let upright = Pose::upright([0.0; 3], [0.0, 0.0, -1.0]);
+        let mut sums = vec![0.0; 16];
+        for direction in super::super::sphere::even_directions(4000) {
+            let values = heard(&Pickup::Ambisonic { order: 3 }, &upright, direction);
+            sums.iter_mut().zip(&values).for_each(|(sum, value)| *sum += value.gain.powi(2) / 4000.0);
+        }
+        for (sum, level) in sums.iter().zip(&levels) {
+            assert!((sum - level * level).abs() < 1e-3, "{sum} {level}");
+        }
     }
 
     #[test]

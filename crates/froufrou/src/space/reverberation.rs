@@ -20,7 +20,7 @@ mod split;
 
 use std::f64::consts::PI;
 
-use super::air::Air;
+use super::air::Medium;
 use super::bands::{BAND_COUNT, BANDS_HZ, Bands};
 use super::room::{Room, mean_absorption};
 use crate::random::Random;
@@ -54,17 +54,17 @@ const SHORTEST_S: f64 = 1e-3;
 
 /// The reverberation times of Sabine's formula in each octave band, in seconds: 24 ln 10 V / (c (α S + 4 m V)).
 /// Infinite where nothing absorbs.
-pub fn sabine_s(room: &Room, air: &Air) -> Bands {
+pub fn sabine_s(room: &Room, air: &Medium) -> Bands {
     times_s(room, air, |absorption| absorption)
 }
 
 /// The reverberation times of Eyring's formula in each octave band, in seconds: 24 ln 10 V / (c (−ln(1 − α) S + 4 m V)).
 /// Infinite where nothing absorbs, 0 where walls absorb everything.
-pub fn eyring_s(room: &Room, air: &Air) -> Bands {
+pub fn eyring_s(room: &Room, air: &Medium) -> Bands {
     times_s(room, air, |absorption| -(-absorption).ln_1p())
 }
 
-fn times_s(room: &Room, air: &Air, exponent: impl Fn(f64) -> f64) -> Bands {
+fn times_s(room: &Room, air: &Medium, exponent: impl Fn(f64) -> f64) -> Bands {
     let (volume, area) = (room.volume_m3(), room.areas_m2().iter().sum::<f64>());
     let (absorption, air_per_m) = (mean_absorption(room), energy_per_m(air));
     std::array::from_fn(|band| {
@@ -74,7 +74,7 @@ fn times_s(room: &Room, air: &Air, exponent: impl Fn(f64) -> f64) -> Bands {
 }
 
 /// What part of the energy of each band air takes in each metre.
-fn energy_per_m(air: &Air) -> Bands {
+fn energy_per_m(air: &Medium) -> Bands {
     air.band_absorption_db_per_m().map(|db| db * std::f64::consts::LN_10 / 10.0)
 }
 
@@ -94,7 +94,7 @@ impl Reverberation {
     ///
     /// A room in which a band reverberates for longer than [`LONGEST_S`] is refused: walls that absorb nothing
     /// would let it do so for minutes.
-    pub fn new(room: &Room, air: &Air, order: usize) -> Result<Self> {
+    pub fn new(room: &Room, air: &Medium, order: usize) -> Result<Self> {
         let times_s = eyring_s(room, air);
         if let Some(band) = times_s.iter().position(|time_s| !(0.0..=LONGEST_S).contains(time_s)) {
             let (time_s, name) = (times_s[band], BANDS_HZ[band].round());
@@ -178,11 +178,11 @@ impl Reverberation {
     /// any time. Convolved with a source's signal of pressure at 1 m it gives what arrives from all around.
     ///
     /// ```
-    /// use froufrou::space::air::Air;
+    /// use froufrou::space::air::Medium;
     /// use froufrou::space::reverberation::Reverberation;
     /// use froufrou::space::room::{Room, Walls};
     /// let room = Room::new([0.0; 3], [5.0, 3.0, 4.0], 0.0, &Walls::all([0.3; 8]))?;
-    /// let reverberation = Reverberation::new(&room, &Air::default(), 3)?;
+    /// let reverberation = Reverberation::new(&room, &Medium::default(), 3)?;
     /// let left = reverberation.tail(48_000.0, 1, 0)?;
     /// let right = reverberation.tail(48_000.0, 1, 1)?;
     /// # assert_eq!(left.len(), right.len());

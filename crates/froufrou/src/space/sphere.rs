@@ -193,7 +193,7 @@ fn cell_cap(cell: usize) -> ([f64; 3], f64) {
 
 /// `count` directions spread nearly evenly over the sphere, each with nearly the same share of it: a
 /// spiral turned by the golden angle (González 2010), pole up.
-pub(super) fn even_directions(count: usize) -> impl Iterator<Item = [f64; 3]> {
+pub(crate) fn even_directions(count: usize) -> impl Iterator<Item = [f64; 3]> {
     let golden_angle = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     (0..count).map(move |i| {
         let up = 1.0 - (2 * i + 1) as f64 / count as f64;

@@ -19,6 +19,8 @@ pub struct Tracing {
     pub surroundings: Surroundings,
     /// The walls of a room, or planes.
     pub enclosure: Option<Enclosure>,
+    /// Whether that reverberates, and each microphone has a tail.
+    pub reverberates: bool,
     /// What air takes from each octave band in each metre, in decibels, where it does.
     pub absorption_db_per_m: Option<Bands>,
     /// The number of each thing by the name of its object.
@@ -81,14 +83,22 @@ impl Tracing {
         }
         let settings = Settings { wavelength_m: scene.speed_of_sound_mps / WIDTH_HZ, ..Settings::default() };
         let surroundings = Surroundings::new(settings, bodies).map_err(|fault| fault.in_file(&scene.file))?;
-        Ok(Some(Self { surroundings, enclosure, absorption_db_per_m, things, surfaces }))
+        let reverberates = scene.reverberates();
+        Ok(Some(Self { surroundings, enclosure, reverberates, absorption_db_per_m, things, surfaces }))
     }
 
     /// Surroundings of which no thread is a part.
     #[cfg(test)]
     pub(super) fn about(surroundings: Surroundings) -> Self {
         let (things, surfaces) = (HashMap::new(), HashMap::new());
-        Self { surroundings, enclosure: None, absorption_db_per_m: None, things, surfaces }
+        Self {
+            surroundings,
+            enclosure: None,
+            reverberates: false,
+            absorption_db_per_m: None,
+            things,
+            surfaces,
+        }
     }
 
     /// The surface of an object, from all over which a thread sounds.

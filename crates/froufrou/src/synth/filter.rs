@@ -39,11 +39,11 @@ impl Filter {
     }
 }
 
-/// The filters of a path, by numbers that count up.
+/// The filters of a path, and how it is spread over the lanes of a bus, by numbers.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Filters {
-    first: u32,
-    kept: VecDeque<Filter>,
+    filters: Numbered<Filter>,
+    spreads: Numbered<Box<[f32]>>,
     /// By what each receiver was last reached, so that what stays the same has one filter.
     last: BTreeMap<usize, Passage>,
 }
@@ -86,19 +86,58 @@ impl Filters {
 
     /// Adds a filter; its number.
     pub fn push(&mut self, filter: Filter) -> u32 {
-        self.kept.push_back(filter);
-        self.first + (self.kept.len() - 1) as u32
+        self.filters.push(filter)
     }
 
     pub fn get(&self, number: u32) -> Option<&Filter> {
+        self.filters.get(number)
+    }
+
+    /// Adds the gains of all lanes; their number.
+    pub fn push_spread(&mut self, gains: Box<[f32]>) -> u32 {
+        self.spreads.push(gains)
+    }
+
+    pub fn spread(&self, number: u32) -> Option<&[f32]> {
+        self.spreads.get(number).map(|gains| &**gains)
+    }
+
+    /// Forgets all that come before the first of these numbers, of filters and of spreads.
+    pub fn release(&mut self, needed: impl Iterator<Item = [u32; 2]>) {
+        let [filter, spread] =
+            needed.fold([UNFILTERED; 2], |[a, b], [filter, spread]| [a.min(filter), b.min(spread)]);
+        self.filters.release(filter);
+        self.spreads.release(spread);
+    }
+}
+
+/// Things whose numbers count up; those with low numbers are forgotten.
+#[derive(Debug, Clone)]
+struct Numbered<T> {
+    first: u32,
+    kept: VecDeque<T>,
+}
+
+impl<T> Default for Numbered<T> {
+    fn default() -> Self {
+        Self { first: 0, kept: VecDeque::new() }
+    }
+}
+
+impl<T> Numbered<T> {
+    fn push(&mut self, thing: T) -> u32 {
+        self.kept.push_back(thing);
+        self.first + (self.kept.len() - 1) as u32
+    }
+
+    fn get(&self, number: u32) -> Option<&T> {
         self.kept.get(number.checked_sub(self.first)? as usize)
     }
 
-    /// Forgets all filters before the first of these numbers.
-    pub fn release(&mut self, needed: impl Iterator<Item = u32>) {
+    /// Forgets what comes before a number, or everything.
+    fn release(&mut self, needed: u32) {
         let next = self.first + self.kept.len() as u32;
-        let keep =
-            needed.filter(|&number| number != UNFILTERED).min().unwrap_or(next).clamp(self.first, next);
+        let keep = needed.clamp(self.first, next);
         self.kept.drain(..(keep - self.first) as usize);
         self.first = keep;
     }
@@ -266,7 +305,7 @@ mod tests {
         let filter = |value| Filter { taps: vec![value].into(), lead: 0 };
         let numbers: Vec<u32> = (0..5).map(|n| filters.push(filter(n as f32))).collect();
         assert_eq!(numbers, [0, 1, 2, 3, 4]);
-        filters.release([UNFILTERED, 3, 4].into_iter());
+        filters.release([UNFILTERED, 3, 4].into_iter().map(|filter| [filter, UNFILTERED]));
         assert!(filters.get(2).is_none() && filters.get(UNFILTERED).is_none());
         assert_eq!(filters.get(3).unwrap().taps[0], 3.0);
         filters.release(std::iter::empty());

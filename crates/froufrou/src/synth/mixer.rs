@@ -12,9 +12,10 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::bus::{Bus, LaneBlock, Spreading};
 use super::filter::{ChannelPassage, Filter, Filters, Passage, add_filtered};
 use super::instrument::Instrument;
-use super::path::{PathBuilder, PathKey, Segment, UNFILTERED};
+use super::path::{PathBuilder, PathKey, Segment, UNFILTERED, UNSPREAD};
 use super::receivers::{self, Receiver};
 use super::sinc;
 use super::source::Source;
@@ -66,7 +67,7 @@ struct Thread {
     playback: Playback,
     /// The index of its object in [`Mixer::objects`].
     object: usize,
-    /// One path a channel.
+    /// One path a channel or bus: see [`Receiver::paths`].
     builders: Vec<PathBuilder>,
     segments: Vec<Vec<Segment>>,
     /// What its segments pass.
@@ -136,6 +137,14 @@ pub struct Voices {
     /// What makes the filter of some gains of octave bands; none at a rate that has no such filters.
     colours: Option<BandFilters>,
     identity: Filter,
+    /// How many paths a thread takes to all receivers.
+    paths: usize,
+    /// Those among them that lead to channels which follow one another, and the first of these channels.
+    runs: Vec<(Range<usize>, usize)>,
+    /// The buses, each with the path that leads to it.
+    buses: Vec<(usize, Bus)>,
+    /// By how many frames the bus that is read furthest ahead is.
+    ahead: usize,
     /// For so many frames a filter makes what arrives heard before and after its time.
     lead: usize,
     tail: usize,
@@ -162,9 +171,13 @@ impl Voices {
         let end_s = (frame + (frames + self.lead) as u64) as f64 / self.rate_hz;
         for (&(id, _), thread) in &self.threads {
             let Some(signal) = self.signal(id, thread.sound) else { continue };
-            // Channels that differ in their gains alone hear one reading.
-            for group in thread.segments.chunk_by(|a, b| are_alike(a, b)) {
-                let first_channel = offset_of(&thread.segments, group);
+            let groups = self.runs.iter().flat_map(|(paths, first)| {
+                let all = &thread.segments[paths.clone()];
+                // Channels that differ in their gains alone hear one reading.
+                let groups = all.chunk_by(|a, b| are_alike(a, b));
+                groups.map(move |group| (first + offset_of(all, group), group))
+            });
+            for (first_channel, group) in groups {
                 for (index, segment) in group[0].iter().enumerate() {
                     let gains = || group.iter().map(|segments| segments[index].gain);
                     if segment.begin_s >= end_s || segment.end_s <= begin_s || gains().all(|g| g == [0.0; 2])
@@ -193,6 +206,57 @@ impl Voices {
                     }
                     part.fill(0.0);
                 }
+            }
+        }
+        block
+    }
+
+    /// The buses, in the order of their receivers.
+    pub fn buses(&self) -> impl Iterator<Item = &Bus> {
+        self.buses.iter().map(|(_, bus)| bus)
+    }
+
+    /// Renders the frames of a bus's lanes from `frame` on, as [`Voices::render`] does those of the channels: what
+    /// arrives at the bus, before its responses. They must have been read as far as the bus is read
+    /// [ahead](Bus::lead) of the channels, which [`Mixer::read_to`] sees to.
+    pub fn render_lanes(&self, bus: usize, frame: u64, frames: usize, with_stems: bool) -> LaneBlock {
+        let mut block = LaneBlock { frames, ..LaneBlock::default() };
+        let Some((path, bus)) = self.buses.get(bus) else { return block };
+        let mut scratch = Scratch { voice: vec![0.0; frames], ..Scratch::default() };
+        let mut gains = [Vec::new(), Vec::new()];
+        let begin_s = frame.saturating_sub(self.tail as u64) as f64 / self.rate_hz;
+        let end_s = (frame + (frames + self.lead) as u64) as f64 / self.rate_hz;
+        for (&(id, _), thread) in &self.threads {
+            let Some(signal) = self.signal(id, thread.sound) else { continue };
+            for segment in &thread.segments[*path] {
+                if segment.begin_s >= end_s || segment.end_s <= begin_s || segment.gain == [0.0; 2] {
+                    continue;
+                }
+                let read = Segment { gain: [1.0; 2], ..*segment };
+                let touched = self.add_segment(thread, signal, &read, frame, &mut scratch);
+                if touched.is_empty() {
+                    continue;
+                }
+                bus.gains(segment, &thread.filters, &mut gains);
+                let part = &mut scratch.voice[touched.clone()];
+                let into = |out: &mut Vec<f32>| {
+                    out.resize(frames * bus.lanes(), 0.0);
+                    pulp::Arch::new().dispatch(Spreading {
+                        samples: part,
+                        segment,
+                        rate_hz: self.rate_hz,
+                        first: frame + touched.start as u64,
+                        gains: &gains,
+                        out,
+                        frames,
+                        offset: touched.start,
+                    });
+                };
+                into(&mut block.mix);
+                if with_stems {
+                    into(block.stems.entry(thread.object).or_default());
+                }
+                part.fill(0.0);
             }
         }
         block
@@ -277,6 +341,8 @@ pub struct Mixer<L> {
     object_indices: HashMap<String, usize>,
     begun: Vec<Begun>,
     last_arrival_s: f64,
+    /// For how long what arrives by each path sounds on, in seconds, where that leads to a bus.
+    rings: Vec<Option<f64>>,
     seed: u64,
     /// What has arrived before this frame has been released.
     released: u64,
@@ -307,9 +373,34 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         let reach = |side: usize| {
             receivers.iter().map(|receiver| receiver.reach()[side]).max().unwrap_or(0) + coloured[side]
         };
+        let (mut paths, mut channels) = (0, 0);
+        let (mut runs, mut buses): (Vec<(Range<usize>, usize)>, Vec<(usize, Bus)>) = (Vec::new(), Vec::new());
+        for receiver in &receivers {
+            let range = paths..paths + receiver.paths();
+            match (receiver, runs.last_mut()) {
+                (Receiver::Bus(bus), _) => buses.push((paths, bus.clone())),
+                (_, Some((before, first))) if before.end == paths && *first + before.len() == channels => {
+                    before.end = range.end;
+                }
+                _ => runs.push((range.clone(), channels)),
+            }
+            (paths, channels) = (range.end, channels + receiver.channels());
+        }
+        if let Some((_, bus)) = buses.iter().find(|(_, bus)| bus.reaches() > channels) {
+            let what = format!("a bus plays into channel {}", bus.reaches());
+            return Err(Error::new(format!("{what}; there are {channels}")));
+        }
+        let mut rings = vec![None; paths];
+        for (path, bus) in &buses {
+            rings[*path] = Some(bus.tail() as f64 / f64::from(rate_hz));
+        }
         let voices = Voices {
             rate_hz: f64::from(rate_hz),
-            channels: receivers.iter().map(Receiver::channels).sum(),
+            channels,
+            paths,
+            runs,
+            ahead: buses.iter().map(|(_, bus)| bus.lead()).max().unwrap_or(0),
+            buses,
             lead: reach(0),
             tail: reach(1),
             receivers,
@@ -328,6 +419,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             object_indices: HashMap::new(),
             begun: Vec::new(),
             last_arrival_s: 0.0,
+            rings,
             seed: 0,
             released: 0,
             keeps_going: false,
@@ -392,13 +484,14 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         &self.voices
     }
 
-    /// Reads on until all that arrives before `end_frame` is known, and synthesises it.
+    /// Reads on until all that arrives before `end_frame` is known, and synthesises it: at buses, before the frame
+    /// that lies their [lead](Bus::lead) behind it.
     ///
     /// # Errors
     /// A line that cannot be read, or one that does not fit those before it; a synthesised sound that
     /// fails, unless the mixer keeps going.
     pub fn read_to(&mut self, end_frame: u64) -> Result<()> {
-        let end_frame = end_frame + self.voices.lead as u64;
+        let end_frame = end_frame + (self.voices.lead + self.voices.ahead) as u64;
         self.read_lines(end_frame)?;
         self.synthesise(self.released, end_frame)
     }
@@ -500,8 +593,10 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             for segments in &mut thread.segments {
                 segments.retain(|s| s.end_s > time_s);
             }
-            let known = thread.segments.iter().flatten().flat_map(|segment| segment.filter);
-            let coming = thread.builders.iter().flat_map(PathBuilder::keys).map(|key| key.filter);
+            let ends = |segment: &Segment| [0, 1].map(|side| [segment.filter[side], segment.spread[side]]);
+            let known = thread.segments.iter().flatten().flat_map(ends);
+            let coming = thread.builders.iter().flat_map(PathBuilder::keys);
+            let coming = coming.map(|key| [key.filter, key.spread]);
             thread.filters.release(known.chain(coming));
             !(thread.ended && thread.segments.iter().all(Vec::is_empty))
         });
@@ -593,7 +688,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         // It begins within the sound, but for one that begins with it.
         let fades_in = direct.fades_in || time_s > playback.start_s;
         let lead_s = direct.lead_s;
-        let Voices { threads, receivers, colours, channels, .. } = &mut self.voices;
+        let Voices { threads, receivers, colours, paths, .. } = &mut self.voices;
         let ways = Ways { receivers, colours: colours.as_ref() };
         match threads.entry(of) {
             Entry::Occupied(mut before) if before.get().ended => {
@@ -615,7 +710,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
                     playback,
                     object,
                     builders,
-                    segments: vec![Vec::new(); *channels],
+                    segments: vec![Vec::new(); *paths],
                     filters,
                     ended: false,
                     fades_in,
@@ -671,7 +766,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
                 self.objects.len() - 1
             }
         };
-        let segments = vec![Vec::new(); self.voices.channels];
+        let segments = vec![Vec::new(); self.voices.paths];
         self.begun.push(Begun {
             thread: id,
             time_s,
@@ -694,8 +789,13 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         let ways = Ways { receivers, colours: colours.as_ref() };
         let keys = ways.keys(&mut thread.filters, time_s, value);
         let paths = thread.builders.iter_mut().zip(&mut thread.segments);
+        let mut echoes = self.rings.iter();
         for ((builder, segments), key) in paths.zip(keys) {
-            let mut emit = |segment| segments.push(segment);
+            let ring_s = echoes.next().copied().flatten();
+            let mut emit = |segment: Segment| {
+                hear_out(&mut self.last_arrival_s, &segment, ring_s);
+                segments.push(segment);
+            };
             if jump { builder.jump(key, &mut emit) } else { builder.key(key, &mut emit) }
         }
         Ok(())
@@ -703,22 +803,36 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
 
     /// Ends a thread at a key, or at its last one.
     fn end(&mut self, of: (u64, u32), at: Option<(f64, &[Arrival])>) {
-        let Voices { threads, receivers, colours, rate_hz, tail, .. } = &mut self.voices;
+        let Voices { threads, receivers, colours, rate_hz, .. } = &mut self.voices;
         let Some(thread) = threads.get_mut(&of) else { return };
         let ways = Ways { receivers, colours: colours.as_ref() };
-        let tail_s = *tail as f64 / *rate_hz;
         let keys: Vec<PathKey> = match at {
             Some((time_s, value)) => ways.keys(&mut thread.filters, time_s, value),
             None => thread.builders.iter().map(PathBuilder::last).collect(),
         };
         let paths = thread.builders.iter_mut().zip(&mut thread.segments);
+        let mut echoes = self.rings.iter();
         for ((builder, segments), key) in paths.zip(keys) {
-            builder.end(key, &mut |segment| segments.push(segment));
+            let ring_s = echoes.next().copied().flatten();
+            builder.end(key, &mut |segment| {
+                hear_out(&mut self.last_arrival_s, &segment, ring_s);
+                segments.push(segment);
+            });
             // What left before a jump may arrive after what left behind it.
-            let end_s = segments.iter().map(|s| s.end_s).fold(0.0, f64::max);
-            self.last_arrival_s = self.last_arrival_s.max(end_s + tail_s);
+            for segment in &*segments {
+                let tails = segment.filter.iter().filter_map(|&number| thread.filters.get(number));
+                let tail = tails.map(|filter| filter.reach()[1]).max().unwrap_or(0);
+                self.last_arrival_s = self.last_arrival_s.max(segment.end_s + tail as f64 / *rate_hz);
+            }
         }
         thread.ended = true;
+    }
+}
+
+/// What goes to a bus, which sounds on for so long, is heard as long as that goes on behind the last of it.
+fn hear_out(last_arrival_s: &mut f64, segment: &Segment, ring_s: Option<f64>) {
+    if let Some(ring_s) = ring_s.filter(|_| segment.gain != [0.0; 2]) {
+        *last_arrival_s = last_arrival_s.max(segment.end_s + ring_s);
     }
 }
 
@@ -744,11 +858,11 @@ fn check_arrival(arrival: &Arrival, receiver: &Receiver) -> Result<(), String> {
     if !arrival.gain.is_finite() {
         return Err(format!("a gain of {}", arrival.gain));
     }
-    match (receiver, arrival.from_m) {
-        (Receiver::Channel, None) => {}
-        (Receiver::Head(_), Some(from_m)) if from_m.iter().all(|c| c.is_finite()) => {}
-        (Receiver::Channel, Some(_)) => return Err("a place from where it comes to a channel".into()),
-        (Receiver::Head(_), _) => return Err("no place from where it comes to a head".into()),
+    match (receiver.has_places(), arrival.from_m) {
+        (false, None) => {}
+        (true, Some(from_m)) if from_m.iter().all(|c| c.is_finite()) => {}
+        (false, Some(_)) => return Err("a place from where it comes to a channel".into()),
+        (true, _) => return Err("no place from where it comes to a head".into()),
     }
     if let Some(gain) = arrival.bands.iter().flatten().find(|gain| !(gain.is_finite() && **gain >= 0.0)) {
         return Err(format!("a gain of {gain} of an octave band"));
@@ -759,7 +873,7 @@ fn check_arrival(arrival: &Arrival, receiver: &Receiver) -> Result<(), String> {
     Ok(())
 }
 
-/// How what arrives at receivers becomes the keys of their channels.
+/// How what arrives at receivers becomes the keys of their paths.
 struct Ways<'a> {
     receivers: &'a [Receiver],
     colours: Option<&'a BandFilters>,
@@ -770,20 +884,26 @@ struct Ways<'a> {
 const CHANNELS: usize = usize::MAX;
 
 impl Ways<'_> {
-    /// The keys of all channels for what arrives at the receivers.
+    /// The keys of all paths for what arrives at the receivers.
     fn keys(&self, filters: &mut Filters, emission_s: f64, value: &[Arrival]) -> Vec<PathKey> {
         let mut keys = Vec::with_capacity(value.len());
         for (index, (receiver, arrival)) in self.receivers.iter().zip(value).enumerate() {
             let &Arrival { gain, delay_s, from_m, bands } = arrival;
-            let plain = PathKey { emission_s, delay_s, gain, filter: UNFILTERED };
+            let plain = PathKey { emission_s, delay_s, gain, filter: UNFILTERED, spread: UNSPREAD };
+            let plain = match receiver {
+                Receiver::Bus(bus) => bus.key(plain, from_m, filters),
+                _ => plain,
+            };
             let (number, count) = match receiver {
-                Receiver::Channel if bands.is_none() => {
+                Receiver::Channel | Receiver::Bus(_) if bands.is_none() => {
                     keys.push(plain);
                     continue;
                 }
-                Receiver::Channel => (CHANNELS, 1),
+                // One colour is one filter, from wherever it comes.
+                Receiver::Channel | Receiver::Bus(_) => (CHANNELS, 1),
                 Receiver::Head(_) => (index, 2),
             };
+            let from_m = from_m.filter(|_| count == 2);
             let passages = filters.last(number, from_m, bands).or_else(|| {
                 let channels = self.passages(receiver, from_m, bands, filters)?;
                 filters.remember(number, Passage { from_m, bands, channels });

@@ -1,5 +1,6 @@
 //! What the signal is: threads in, samples out, block by block.
 
+pub mod bus;
 mod filter;
 mod gate;
 pub mod instrument;
@@ -13,5 +14,6 @@ pub mod receivers;
 pub mod sinc;
 mod source;
 pub mod stick_slip;
+mod tails;
 pub mod turbulence;
 pub mod voice;

@@ -32,10 +32,15 @@ pub struct PathKey {
     pub gain: f64,
     /// The number of the filter that it passes, or [`UNFILTERED`].
     pub filter: u32,
+    /// The number of the gains with which it goes to the lanes of a bus, or [`UNSPREAD`].
+    pub spread: u32,
 }
 
 /// Stands for no filter.
 pub const UNFILTERED: u32 = u32::MAX;
+
+/// Stands for no spread: what goes to a channel, or to all lanes of a bus alike.
+pub const UNSPREAD: u32 = u32::MAX;
 
 impl PathKey {
     /// When the sound arrives, in seconds.
@@ -92,6 +97,8 @@ pub struct Segment {
     pub gain: [f64; 2],
     /// Numbers of the filters at the beginning and at the end.
     pub filter: [u32; 2],
+    /// Numbers of the spreads at the beginning and at the end.
+    pub spread: [u32; 2],
     /// Where it fades.
     pub fades: Fades,
 }
@@ -231,6 +238,7 @@ impl PathBuilder {
             slope: [slope; 2],
             gain: [last.gain; 2],
             filter: [last.filter; 2],
+            spread: [last.spread; 2],
             fades: Fades { out_s: last.emission_s, ..self.fades },
         });
     }
@@ -265,6 +273,7 @@ impl PathBuilder {
                 slope: [self.slope; 2],
                 gain: [first.gain; 2],
                 filter: [first.filter; 2],
+                spread: [first.spread; 2],
                 fades: self.fades,
             });
         }
@@ -278,6 +287,7 @@ impl PathBuilder {
             slope,
             gain: [a.gain, b.gain],
             filter: [a.filter, b.filter],
+            spread: [a.spread, b.spread],
             fades: self.fades.within(a.emission_s, b.emission_s),
         }
     }
@@ -322,7 +332,7 @@ mod tests {
     }
 
     fn key(emission_s: f64, delay_s: f64) -> PathKey {
-        PathKey { emission_s, delay_s, gain: 1.0, filter: UNFILTERED }
+        PathKey { emission_s, delay_s, gain: 1.0, filter: UNFILTERED, spread: UNSPREAD }
     }
 
     #[test]

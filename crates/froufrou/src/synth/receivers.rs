@@ -3,11 +3,16 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use super::bus::{Bus, Feed};
 use super::filter::{ChannelPassage, Filter, Filters};
-use crate::Result;
-use crate::score::Output;
+use super::tails::{self, Hearing};
+use crate::scene::Scene;
+use crate::scene::file::Enclosing;
+use crate::score::{ChannelHeader, Output};
 use crate::space::bands::{BandFilters, Bands};
 use crate::space::head::Head;
+use crate::space::reverberation::Reverberation;
+use crate::{Error, Result};
 
 /// Where what arrives goes.
 #[derive(Clone)]
@@ -16,6 +21,9 @@ pub enum Receiver {
     Channel,
     /// To a head, whose ears are two channels.
     Head(HeadReceiver),
+    /// Into the lanes of a bus, and from there by its responses into channels: its own, which follow those of the
+    /// receiver before, and any others.
+    Bus(Bus),
 }
 
 impl Receiver {
@@ -29,6 +37,24 @@ impl Receiver {
         match self {
             Receiver::Channel => 1,
             Receiver::Head(_) => 2,
+            Receiver::Bus(bus) => bus.channels(),
+        }
+    }
+
+    /// By how many paths, each with its own delay, a thread arrives at it.
+    pub(crate) fn paths(&self) -> usize {
+        match self {
+            Receiver::Channel | Receiver::Bus(_) => 1,
+            Receiver::Head(_) => 2,
+        }
+    }
+
+    /// Whether it matters from where something comes.
+    pub(crate) fn has_places(&self) -> bool {
+        match self {
+            Receiver::Channel => false,
+            Receiver::Head(_) => true,
+            Receiver::Bus(bus) => bus.feed() == Feed::Field,
         }
     }
 
@@ -36,7 +62,7 @@ impl Receiver {
     /// their time.
     pub(crate) fn reach(&self) -> [usize; 2] {
         match self {
-            Receiver::Channel => [0; 2],
+            Receiver::Channel | Receiver::Bus(_) => [0; 2],
             Receiver::Head(HeadReceiver(head)) => [head.lead(), head.taps().saturating_sub(head.lead())],
         }
     }
@@ -45,19 +71,75 @@ impl Receiver {
 /// Prepares the outputs of a score for a rate. `folder` is that of the score.
 ///
 /// # Errors
-/// The file of a head that cannot be read.
-pub fn load(outputs: &[Output], folder: &Path, rate_hz: u32) -> Result<Vec<Receiver>> {
-    let rate_hz = f64::from(rate_hz);
-    let receiver = |output: &Output| match output {
-        Output::Channel(_) => Ok(Receiver::Channel),
-        Output::Head { head: None, .. } => {
-            Ok(Receiver::Head(HeadReceiver(Arc::new(Head::spherical(rate_hz)))))
-        }
-        Output::Head { head: Some(file), .. } => {
-            Ok(Receiver::Head(HeadReceiver(Arc::new(Head::open(&folder.join(file), rate_hz)?))))
-        }
+/// The file of a head or of a scene with a room that cannot be read; a scene without one.
+pub fn load(header: &ChannelHeader, folder: &Path, rate_hz: u32) -> Result<Vec<Receiver>> {
+    let outputs = &header.receivers;
+    let mut receivers: Vec<Receiver> = Vec::with_capacity(outputs.len());
+    for output in outputs {
+        let receiver = match output {
+            Output::Tail { scene, channels } => {
+                let heard = hearing(outputs, &receivers, channels);
+                tail(&folder.join(scene), f64::from(rate_hz), header.seed, &heard)?
+            }
+            output => alone(output, folder, rate_hz)?,
+        };
+        receivers.push(receiver);
+    }
+    Ok(receivers)
+}
+
+/// What hears a tail in some channels: outputs that stand before it.
+fn hearing<'a>(
+    outputs: &[Output],
+    receivers: &'a [Receiver],
+    channels: &[(String, f64)],
+) -> Vec<Hearing<'a>> {
+    let level = |name: &String| {
+        channels.iter().filter(|(channel, _)| channel == name).map(|(_, level)| level).sum::<f64>()
     };
-    outputs.iter().map(receiver).collect()
+    let (mut heard, mut first) = (Vec::new(), 0);
+    for (output, receiver) in outputs.iter().zip(receivers) {
+        let names = output.channels();
+        match (receiver, names) {
+            (Receiver::Head(HeadReceiver(head)), [left, right]) => {
+                let levels = [level(left), level(right)];
+                if levels != [0.0; 2] {
+                    heard.push(Hearing::Head([first, first + 1], levels, head));
+                }
+            }
+            _ => {
+                let each = (first..).zip(names).map(|(channel, name)| (channel, level(name)));
+                let each = each.filter(|(_, level)| *level > 0.0);
+                heard.extend(each.map(|(channel, level)| Hearing::Channel(channel, level)));
+            }
+        }
+        first += names.len();
+    }
+    heard
+}
+
+/// The tail of the room of a scene.
+fn tail(file: &Path, rate_hz: f64, seed: u64, heard: &[Hearing<'_>]) -> Result<Receiver> {
+    // A score may name any file, as it may any recording.
+    let scene = Scene::open(file, true)?;
+    let Some(Enclosing::Room(about)) = &scene.enclosing else {
+        let help = "name a scene with a `[room]`, or leave the `tail` out";
+        return Err(Error::new("the scene has no room to reverberate").in_file(file).help(help));
+    };
+    let reverberation = Reverberation::new(&about.room, &scene.medium(), about.order);
+    let reverberation = reverberation.map_err(|fault| fault.in_file(file))?;
+    Ok(Receiver::Bus(tails::bus(&reverberation, rate_hz, seed, heard)?))
+}
+
+/// An output that needs no other.
+fn alone(output: &Output, folder: &Path, rate_hz: u32) -> Result<Receiver> {
+    let rate_hz = f64::from(rate_hz);
+    let head = match output {
+        Output::Channel(_) => return Ok(Receiver::Channel),
+        Output::Head { head: Some(file), .. } => Head::open(&folder.join(file), rate_hz)?,
+        Output::Head { .. } | Output::Tail { .. } => Head::spherical(rate_hz),
+    };
+    Ok(Receiver::Head(HeadReceiver(Arc::new(head))))
 }
 
 /// A head that receives.

@@ -209,7 +209,7 @@ impl pulp::WithSimd for Reading<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::path::UNFILTERED;
+    use super::super::path::{UNFILTERED, UNSPREAD};
     use super::*;
 
     fn still(begin_s: f64, end_s: f64, delay_s: f64, gain: f64) -> Segment {
@@ -220,6 +220,7 @@ mod tests {
             slope: [0.0; 2],
             gain: [gain; 2],
             filter: [UNFILTERED; 2],
+            spread: [UNSPREAD; 2],
             fades: Fades::NONE,
         }
     }
@@ -301,6 +302,7 @@ mod tests {
             slope: [0.2, 0.4],
             gain: [0.3, 0.9],
             filter: [UNFILTERED; 2],
+            spread: [UNSPREAD; 2],
             fades: Fades { in_s: 0.12, out_s: 0.18 },
         };
         let mut whole = vec![0.0; 20_000];

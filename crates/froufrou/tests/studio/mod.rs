@@ -117,7 +117,7 @@ pub fn render(
     let channels = header.channels().len();
     let Take { rate_hz, from_s, to_s, cores } = take;
     let extent = Extent { rate_hz, from_s, to_s, duration_s: header.duration_s };
-    let receivers = receivers::load(&header.receivers, folder, rate_hz)?;
+    let receivers = receivers::load(header, folder, rate_hz)?;
     let mut mixer = Mixer::new(rate_hz, receivers, prototypes, lines)?.with_seed(header.seed);
     let mut sound = Sound {
         rate_hz: f64::from(rate_hz),

@@ -131,3 +131,22 @@ fn what_does_not_fit_is_refused() {
     long.process(&[f32::NAN; 3000], &mut out).unwrap();
     assert!(out.iter().any(|v| v.is_nan()));
 }
+
+#[test]
+fn another_sound_has_a_way_of_its_own() {
+    let responses = responses();
+    let (mut one, expected) = (convolver(&responses), noise(9, 50_000));
+    let expected = fed(&mut one, &expected, 4, &[1000]);
+    // What is under way in the first is not in the second, and neither disturbs the other.
+    let mut other = one.another();
+    assert!(other.is_silent() && !one.is_silent());
+    assert_eq!((other.frame(), other.responses(), other.taps()), (0, 4, 30_000));
+    assert_eq!(fed(&mut other, &noise(9, 50_000), 4, &[777]), expected);
+    assert!(Arc::ptr_eq(&one.stages[0].parts_of, &other.stages[0].parts_of));
+    // It falls silent once all has passed.
+    other.skip(&vec![0.0; 30_000 + 2 * COARSEST]).unwrap();
+    assert!(!other.is_silent(), "the last part still sounds");
+    fed(&mut other, &vec![0.0; 3 * COARSEST], 4, &[1000]);
+    assert!(other.is_silent());
+    assert!(fed(&mut other, &[0.0; 300], 4, &[300]).iter().flatten().all(|out| *out == 0.0));
+}

@@ -22,6 +22,7 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque};
 
 use super::microphone::{NEAR_M, length};
+use super::pickup::diffuse;
 use super::spread::Spread;
 use super::tracing::Tracing;
 use super::track::Track;
@@ -72,8 +73,9 @@ fn voice_of(id: u64, voice: usize) -> u64 {
 /// Keys are never closer than this, in seconds.
 const MIN_STEP_S: f64 = 0.0005;
 
-/// The header of the channel-space score that a header in object space leads to.
-pub fn channel_header(header: &ObjectHeader) -> ChannelHeader {
+/// The header of the channel-space score that a header in object space leads to. In a room that reverberates each
+/// microphone has a tail.
+pub fn channel_header(header: &ObjectHeader, reverberates: bool) -> ChannelHeader {
     ChannelHeader {
         speed_of_sound_mps: header.speed_of_sound_mps,
         duration_s: header.duration_s,
@@ -82,15 +84,16 @@ pub fn channel_header(header: &ObjectHeader) -> ChannelHeader {
         patterns: Vec::new(),
         order: Order::Time,
         sounds: header.sounds.clone(),
-        receivers: outputs(&header.receivers),
+        receivers: outputs(&header.receivers, header.surroundings.as_ref().filter(|_| reverberates)),
     }
 }
 
 /// Where what microphones pick up goes. One alone gives its channels their usual names; several put their own
 /// name before them.
-fn outputs(microphones: &[Microphone]) -> Vec<Output> {
+fn outputs(microphones: &[Microphone], room: Option<&String>) -> Vec<Output> {
     let mut all = Vec::new();
     for microphone in microphones {
+        let first = all.len();
         let name = |channel: &str| match microphones.len() {
             1 => channel.to_owned(),
             _ => format!("{} {channel}", microphone.name),
@@ -101,6 +104,11 @@ fn outputs(microphones: &[Microphone]) -> Vec<Output> {
                 all.push(Output::Head { ears: ["left", "right"].map(name), head: head.clone() });
             }
             pickup => all.extend(pickup.channels().iter().map(|channel| Output::Channel(name(channel)))),
+        }
+        if let Some(scene) = room {
+            let names = all[first..].iter().flat_map(Output::channels).cloned();
+            let channels = names.zip(diffuse(&microphone.pickup)).filter(|(_, level)| *level > 0.0).collect();
+            all.push(Output::Tail { scene: scene.clone(), channels });
         }
     }
     all
@@ -499,6 +507,7 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
         let Self { inbox, tracing, scratch, ways, sources, ready, held, recordings, seed, .. } = self;
         let Some(source) = sources.get_mut(&id) else { return Ok(()) };
         let ears = inbox.ears.len();
+        let reverberates = tracing.as_ref().is_some_and(|tracing| tracing.reverberates);
         // How it radiates is in the gains from here on.
         let verb = match verb {
             Verb::Start(start) => Verb::Start(Start { pattern: String::new(), ..start }),
@@ -510,6 +519,8 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
             let mut value = Vec::with_capacity(ears);
             for (ear, microphone) in inbox.ears.iter().enumerate() {
                 microphone.receiving.around(if ear == around { gain } else { 0.0 }, &mut value);
+                // It comes from nowhere in the room.
+                value.extend(reverberates.then_some(Arrival::new(0.0, 0.0)));
             }
             ready.push_back(line(0, verb, value));
             return Ok(());
@@ -527,6 +538,7 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
             values.resize_with(ways.len(), || Vec::with_capacity(ears));
             for (value, way) in values.iter_mut().zip(&*ways) {
                 way.hear(&inbox.ears[ear].receiving, absorption.as_ref(), value);
+                value.extend(reverberates.then_some(Arrival::new(way.into_tail, 0.0)));
             }
         }
         let voices = source.voices();

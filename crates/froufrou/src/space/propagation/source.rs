@@ -49,6 +49,11 @@ pub(super) fn weights(harmonics: &[f64]) -> Directivity {
 }
 
 impl Source {
+    /// Its gain towards all sides together: the root of the mean of its square over the sphere.
+    pub(super) fn diffuse(&self) -> f64 {
+        self.pattern.as_ref().map_or(1.0, |(pattern, _)| pattern.diffuse())
+    }
+
     /// How many threads of channel space its direct sound is: one, or one for each direction.
     pub(super) fn voices(&self) -> usize {
         if self.spread.is_some() { USUAL_BINS } else { 1 }

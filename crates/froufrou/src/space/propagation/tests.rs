@@ -58,6 +58,7 @@ fn a_passing_source_meets_the_closed_form_between_keys() {
         delay_s: l.value[0].delay_s,
         gain: l.value[0].gain,
         filter: crate::synth::path::UNFILTERED,
+        spread: crate::synth::path::UNSPREAD,
     };
     let mut segments = Vec::new();
     let mut path = crate::synth::path::PathBuilder::new(key(&lines[0]), false, 0.0);

@@ -24,6 +24,8 @@ pub(super) struct Way {
     walls: Bands,
     /// Where it leaves its source, or seems to.
     from_m: [f64; 3],
+    /// With what gain its sound goes into the tail of a room; only of ways that go straight.
+    pub into_tail: f64,
 }
 
 /// Memory that is used again and again.
@@ -94,13 +96,19 @@ pub(super) fn find<L: Iterator<Item = Result<ObjectLine>>>(
                 gain,
                 walls: ALL,
                 from_m,
+                into_tail: gain,
             });
         }
+        // Of the energy that goes into the tail each voice has the part that it has of what is heard.
+        let energy: f64 = ways.iter().map(|way| way.gain * way.gain).sum();
+        let scale = if energy > 0.0 { gain / energy.sqrt() } else { 0.0 };
+        ways.iter_mut().for_each(|way| way.into_tail *= scale);
     } else {
         let from = Toward::new(&pose, position_m);
+        let into_tail = gain * source.diffuse();
         let gain = gain * toward(pose.position_m) / from.distance_m.max(NEAR_M);
         let (length_m, from_m) = (from.distance_m, position_m);
-        ways.push(Way { toward: from, length_m, delay_s, gain, walls: ALL, from_m });
+        ways.push(Way { toward: from, length_m, delay_s, gain, walls: ALL, from_m, into_tail });
     }
     let Some(Tracing { surroundings, enclosure, .. }) = tracing else { return Ok(()) };
 
@@ -131,17 +139,21 @@ pub(super) fn find<L: Iterator<Item = Result<ObjectLine>>>(
                 gain: open * source.shadows.cover(path, ear, time_s, bounce.gain, bounce.share),
                 walls: ALL,
                 from_m: bounce.point_m,
+                into_tail: 0.0,
             });
         }
     }
 
     let Some(enclosure) = enclosure else { return Ok(()) };
     enclosure.pose(time_s)?;
+    if !(enclosure.contains(position_m) && enclosure.contains(pose.position_m)) {
+        ways.iter_mut().for_each(|way| way.into_tail = 0.0);
+    }
     for number in 1..=enclosure.images() {
         let path = ways.len() as u32;
         let Some(image) = enclosure.image(number, position_m, pose.position_m) else {
             source.shadows.forget(path, ear);
-            ways.push(Way { gain: 0.0, ..ways[0] });
+            ways.push(Way { gain: 0.0, into_tail: 0.0, ..ways[0] });
             continue;
         };
         let image_m = image.position_m(position_m);
@@ -168,6 +180,7 @@ pub(super) fn find<L: Iterator<Item = Result<ObjectLine>>>(
             gain: gain * radiated(leaves) * spread * share,
             walls: image.gains,
             from_m: image_m,
+            into_tail: 0.0,
         });
     }
     Ok(())

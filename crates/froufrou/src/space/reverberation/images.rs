@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::super::air::Air;
+use super::super::air::Medium;
 use super::super::bands::{BAND_COUNT, Bands};
 use super::super::room::Room;
 use super::energy_per_m;
@@ -24,7 +24,7 @@ pub(super) struct Images {
 }
 
 impl Images {
-    pub(super) fn new(room: &Room, air: &Air, order: usize) -> Self {
+    pub(super) fn new(room: &Room, air: &Medium, order: usize) -> Self {
         let size = room.size_m();
         let directions = (0..DIRECTIONS * DIRECTIONS)
             .map(|index| {

@@ -1,6 +1,6 @@
 use realfft::RealFftPlanner;
 
-use super::super::air::ATMOSPHERE_KPA;
+use super::super::air::{ATMOSPHERE_KPA, Air};
 use super::super::room::Walls;
 use super::*;
 
@@ -38,7 +38,7 @@ fn the_times_are_those_of_pyroomacoustics() {
         let [left, right, floor, ceiling, front, back] = fixture.absorption;
         let walls = Walls { left, right, floor, ceiling, front, back };
         let room = Room::new([0.0; 3], fixture.size, 0.0, &walls).unwrap();
-        let air = Air::default();
+        let air = Medium::default();
         // The same decays in other air: rates add up.
         let other = |time_s: f64, air_per_m: f64, speed: f64| SIXTY_DB / (time_s * speed) - air_per_m;
         let (sabine, eyring) = (sabine_s(&room, &air), eyring_s(&room, &air));
@@ -107,7 +107,7 @@ fn measured_s(taps: &[f32], rate_hz: f64, band: usize) -> f64 {
 fn a_tail_reverberates_as_long_as_its_room() {
     let mut worst: f64 = 0.0;
     for room in [cube(0.1), hall()] {
-        let reverberation = Reverberation::new(&room, &Air::default(), 4).unwrap();
+        let reverberation = Reverberation::new(&room, &Medium::default(), 4).unwrap();
         for (rate_hz, seed) in [(44_100.0, 1), (48_000.0, 2), (96_000.0, 3)] {
             for channel in 0..2 {
                 let tail = reverberation.tail(rate_hz, seed, channel).unwrap();
@@ -124,7 +124,7 @@ fn a_tail_reverberates_as_long_as_its_room() {
 
 #[test]
 fn the_energy_of_a_tail_is_the_same_at_every_rate() {
-    let reverberation = Reverberation::new(&hall(), &Air::default(), 3).unwrap();
+    let reverberation = Reverberation::new(&hall(), &Medium::default(), 3).unwrap();
     for rate_hz in [44_100.0, 48_000.0, 96_000.0] {
         let tail = reverberation.tail(rate_hz, 9, 5).unwrap();
         for band in 0..8 {
@@ -154,7 +154,7 @@ struct Decay {
 const BIN_S: f64 = 0.004;
 
 fn decay(room: &Room, order: usize, band: usize, places: u64) -> Decay {
-    let (rate_hz, air) = (16_000.0, Air::default());
+    let (rate_hz, air) = (16_000.0, Medium::default());
     let (images, reverberation) =
         (room.images(order).unwrap(), Reverberation::new(room, &air, order).unwrap());
     let bins = (reverberation.end_s(band) / BIN_S) as usize;
@@ -204,7 +204,7 @@ fn images_and_tail_together_decay_as_the_room_does() {
     for (room, order) in
         [(cube(0.1), 2), (cube(0.1), 5), (cube(0.3), 4), (hall_alike(), 3), (hall_alike(), 6)]
     {
-        let air = Air::default();
+        let air = Medium::default();
         let band = 4;
         let Decay { early, tail } = decay(&room, order, band, 400);
         let both = still_to_come(early.iter().zip(&tail).map(|(a, b)| a + b));
@@ -238,9 +238,9 @@ fn images_and_tail_join_without_a_bump_even_where_walls_differ() {
     // in a stretch about the joint lies between what is on its sides, but for 1 dB.
     for (room, order) in [(hall(), 2), (hall(), 5), (cube(0.3), 2)] {
         let band = 3;
-        let reverberation = Reverberation::new(&room, &Air::default(), order).unwrap();
-        let images = Images::new(&room, &Air::default(), order);
-        let speed = Air::default().speed_of_sound_mps();
+        let reverberation = Reverberation::new(&room, &Medium::default(), order).unwrap();
+        let images = Images::new(&room, &Medium::default(), order);
+        let speed = Medium::default().speed_of_sound_mps();
         let level = 4.0 * PI * speed / room.volume_m3();
         let decay = SIXTY_DB / reverberation.times_s()[band];
         // The sum of both, less the decay: a line without bumps.
@@ -260,7 +260,7 @@ fn images_and_tail_join_without_a_bump_even_where_walls_differ() {
 
 #[test]
 fn channels_are_independent_and_equal_in_level() {
-    let reverberation = Reverberation::new(&hall(), &Air::default(), 3).unwrap();
+    let reverberation = Reverberation::new(&hall(), &Medium::default(), 3).unwrap();
     let tails: Vec<Vec<f32>> =
         (0..4).map(|channel| reverberation.tail(48_000.0, 7, channel).unwrap()).collect();
     let inner = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>();
@@ -277,7 +277,7 @@ fn channels_are_independent_and_equal_in_level() {
 
 #[test]
 fn a_tail_begins_silently_and_ends_90_db_down() {
-    let reverberation = Reverberation::new(&hall(), &Air::default(), 6).unwrap();
+    let reverberation = Reverberation::new(&hall(), &Medium::default(), 6).unwrap();
     let tail = reverberation.tail(48_000.0, 1, 1).unwrap();
     let longest = reverberation.times_s().iter().copied().fold(0.0, f64::max);
     assert!(tail.len() as f64 / 48_000.0 > 1.5 * longest);
@@ -292,7 +292,7 @@ fn a_tail_begins_silently_and_ends_90_db_down() {
 
 #[test]
 fn rooms_without_end_or_echo_are_told_apart() {
-    let air = Air::default();
+    let air = Medium::default();
     let error = Reverberation::new(&cube(0.0), &air, 3).unwrap_err().to_string();
     assert!(error.contains("the room reverberates for") && error.contains("at 63 Hz"), "{error}");
     assert!(Reverberation::new(&cube(0.3), &air, 1001).is_err());
@@ -313,6 +313,6 @@ fn rooms_without_end_or_echo_are_told_apart() {
     }
     // A room of extremes: a duct.
     let duct = Room::new([0.0; 3], [0.02, 0.02, 10_000.0], 0.0, &Walls::all([0.5; 8])).unwrap();
-    let tail = Reverberation::new(&duct, &Air::new(0.0, 0.0, ATMOSPHERE_KPA).unwrap(), 19).unwrap();
+    let tail = Reverberation::new(&duct, &Air::new(0.0, 0.0, ATMOSPHERE_KPA).unwrap().medium(), 19).unwrap();
     assert!(tail.tail(8000.0, 1, 1).unwrap().iter().all(|v| v.is_finite()));
 }
