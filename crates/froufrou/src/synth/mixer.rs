@@ -224,6 +224,7 @@ impl Voices {
         let end_s = (frame + (frames + self.lead) as u64) as f64 / self.rate_hz;
         for (&(id, _), thread) in &self.threads {
             let Some(signal) = self.signal(id, thread.sound) else { continue };
+            let signal = Signal { kernel: bus.kernel(), ..signal };
             for segment in &thread.segments[*path] {
                 if segment.begin_s >= end_s || segment.end_s <= begin_s || segment.gain == [0.0; 2] {
                     continue;

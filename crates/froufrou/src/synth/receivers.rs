@@ -3,12 +3,13 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::bus::{Bus, Feed};
+use super::bus::{Bus, Feed, Response};
 use super::filter::{Filter, Filters};
 use super::path::PathKey;
+use super::sinc::Kernel;
 use crate::Result;
 use crate::score::{LONGEST_DELAY_S, Output};
-use crate::space::head::Head;
+use crate::space::head::{FieldResponses, Head};
 
 /// Where what arrives goes.
 #[derive(Clone)]
@@ -26,6 +27,23 @@ impl Receiver {
     /// So many plain channels.
     pub fn plain(channels: usize) -> Vec<Self> {
         vec![Receiver::Channel; channels]
+    }
+
+    /// A head that all voices share, whose ears are these two channels, its own: arrivals go to it as a sound field
+    /// of order 3, read by the short kernel. What is lost is told by [`FieldResponses`].
+    ///
+    /// # Errors
+    /// As [`Head::field`].
+    pub fn shared_head(head: &Head, ears: [usize; 2]) -> Result<Self> {
+        let FieldResponses { responses, lead } = head.field()?;
+        let mut lanes: Vec<Vec<Response>> =
+            responses.into_iter().map(|[left, right]| vec![(ears[0], left), (ears[1], right)]).collect();
+        // What sounds within the head is heard as it is.
+        let mut as_it_is = vec![0.0; lead + 1];
+        as_it_is[lead] = 1.0;
+        lanes.push(ears.map(|ear| (ear, as_it_is.clone())).to_vec());
+        let bus = Bus::new(Feed::Field, &lanes, lead)?;
+        Ok(Receiver::Bus(bus.with_channels(2).with_kernel(Kernel::Short)))
     }
 
     /// How many channels it has.
@@ -70,16 +88,27 @@ impl Receiver {
 /// The file of a head that cannot be read.
 pub fn load(outputs: &[Output], folder: &Path, rate_hz: u32) -> Result<Vec<Receiver>> {
     let rate_hz = f64::from(rate_hz);
-    let receiver = |output: &Output| match output {
-        Output::Channel(_) => Ok(Receiver::Channel),
-        Output::Head { head: None, .. } => {
-            Ok(Receiver::Head(HeadReceiver(Arc::new(Head::spherical(rate_hz)))))
-        }
-        Output::Head { head: Some(file), .. } => {
-            Ok(Receiver::Head(HeadReceiver(Arc::new(Head::open(&folder.join(file), rate_hz)?))))
-        }
-    };
-    outputs.iter().map(receiver).collect()
+    let mut channels = 0;
+    let mut receivers = Vec::with_capacity(outputs.len());
+    for output in outputs {
+        let receiver = match output {
+            Output::Channel(_) => Receiver::Channel,
+            Output::Head { head, shared, .. } => {
+                let head = match head {
+                    None => Head::spherical(rate_hz),
+                    Some(file) => Head::open(&folder.join(file), rate_hz)?,
+                };
+                if *shared {
+                    Receiver::shared_head(&head, [channels, channels + 1])?
+                } else {
+                    Receiver::Head(HeadReceiver(Arc::new(head)))
+                }
+            }
+        };
+        channels += receiver.channels();
+        receivers.push(receiver);
+    }
+    Ok(receivers)
 }
 
 /// A head that receives.
