@@ -12,7 +12,7 @@
 //!
 //! | quantity | value |
 //! | --- | --- |
-//! | cost a voice and sample | one reading, and a multiplication and an addition twice a lane |
+//! | cost a voice and sample | one reading, and two multiplications and additions a lane |
 //! | cost a sample, whatever the voices | a convolution a lane: see [`convolution`](crate::space::convolution) |
 //! | precision | lanes are sums in single precision, each in the order of the threads' numbers |
 //!

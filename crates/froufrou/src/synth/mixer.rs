@@ -360,7 +360,8 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             soundings.push(sounding);
         }
         let (mut paths, mut channels) = (0, 0);
-        let (mut runs, mut buses): (Vec<(Range<usize>, usize)>, Vec<(usize, Bus)>) = (Vec::new(), Vec::new());
+        let mut runs: Vec<(Range<usize>, usize)> = Vec::new();
+        let mut buses: Vec<(usize, Bus)> = Vec::new();
         for receiver in &receivers {
             let range = paths..paths + receiver.paths();
             match (receiver, runs.last_mut()) {

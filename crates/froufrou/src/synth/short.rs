@@ -24,6 +24,9 @@ const PHASES: usize = 64;
 /// Half the kernel's length in input samples at ratio 1.
 const HALF_WIDTH: usize = 16;
 
+/// The kernel's length at ratio 1.
+const LEAST_WIDTH: usize = 2 * HALF_WIDTH;
+
 /// Shape of the Kaiser window: β = 0.1102 (A − 8.7) (Kaiser 1974).
 const KAISER_BETA: f64 = 0.1102 * (ATTENUATION_DB - 8.7);
 
@@ -153,7 +156,29 @@ impl Samples<'_> {
             if self.looped && length > 0 && !(0..length).contains(&origin) {
                 origin = origin.rem_euclid(length);
             }
-            let (mut current, mut kernel) = (0, table(0));
+            // Most often one table does for all, and no end is near.
+            let (mut slowest, mut fastest) = (f64::INFINITY, f64::NEG_INFINITY);
+            for ratio in ratios {
+                (slowest, fastest) = (slowest.min(*ratio), fastest.max(*ratio));
+            }
+            let mut current = table_index(slowest);
+            let mut kernel = table(current);
+            let reach = kernel.width as i64;
+            let [low, high] =
+                [0, wholes[positions.len() - 1]].map(|whole: i32| origin.saturating_add(whole.into()));
+            let rises = wholes[..positions.len()].is_sorted();
+            if current == table_index(fastest) && rises && low >= reach && high <= length - reach {
+                let origin = (origin + 1) as usize - kernel.width / 2;
+                for (n, out) in out.iter_mut().enumerate() {
+                    let input = &self.samples[origin + wholes[n] as usize..];
+                    let rows = kernel.rows(phases[n] as usize);
+                    *out = match (input.first_chunk::<LEAST_WIDTH>(), kernel.width) {
+                        (Some(input), LEAST_WIDTH) => dot(simd, input, &rows[..2 * LEAST_WIDTH], along[n]),
+                        _ => dot(simd, &input[..kernel.width], rows, along[n]),
+                    };
+                }
+                continue;
+            }
             for (n, out) in out.iter_mut().enumerate() {
                 let index = table_index(ratios[n]);
                 if index != current {

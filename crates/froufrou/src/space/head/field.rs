@@ -8,6 +8,23 @@
 //! "Binaural rendering of ambisonic signals via magnitude least squares", DAGA). The ear is guided by time
 //! below and by level above (the duplex theory). With magnitudes met so well, nothing is left to be made up for in
 //! the level of a field from everywhere.
+//!
+//! What is lost against [`Head::hear`] far away, over 300 directions that lie evenly, at 48 kHz: the median and what
+//! 95 % lie within. Measured sets are two of real heads, one with pinnae of rubber and one of flesh.
+//!
+//! | octave about | sphere: level between the ears | sphere: thirds of octaves | sets: level between the ears | sets: thirds of octaves |
+//! | --- | --- | --- | --- | --- |
+//! | 250 Hz | 0.1, 0.1 dB | 0.0, 0.1 dB | 0.4, 1.4 dB | 0.3, 0.9 dB |
+//! | 500 Hz | 0.1, 0.1 dB | 0.0, 0.1 dB | 0.3, 1.1 dB | 0.3, 1.3 dB |
+//! | 1 kHz | 0.1, 0.4 dB | 0.1, 0.8 dB | 0.6, 2.4 dB | 0.6, 2.3 dB |
+//! | 2 kHz | 0.3, 0.5 dB | 0.2, 1.0 dB | 0.6, 2.8 dB | 0.6, 2.4 dB |
+//! | 4 kHz | 0.1, 0.3 dB | 0.1, 0.3 dB | 0.7, 2.8 dB | 0.5, 3.1 dB |
+//! | 8 kHz | 0.1, 0.4 dB | 0.0, 0.3 dB | 1.1, 4.7 dB | 1.1, 4.1 dB |
+//! | 16 kHz | 0.1, 0.6 dB | 0.0, 0.4 dB | 2.1, 6.8 dB | 1.4, 6.9 dB |
+//!
+//! The time between the ears below 1.5 kHz is off by 6 us, 22 us for the sphere and by up to 17 us, 47 us for
+//! the sets. Above
+//! 1.5 kHz there is none in the fine structure of a sound. What nearness does (within a metre or so) is lost too.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 

@@ -124,5 +124,35 @@ fn what_is_given_up() {
         line("level between the ears", errors.level_db);
         line("thirds of octaves", errors.spectrum_db);
         eprintln!("  time between the ears, us: {:.0} / {:.0}", errors.time_us[0], errors.time_us[1]);
+        // What the module says.
+        let limits: [[f64; 7]; 2] = match name {
+            None => [[0.1, 0.1, 0.1, 0.3, 0.2, 0.2, 0.2], [0.2, 0.2, 0.9, 1.1, 0.4, 0.5, 0.7]],
+            Some(_) => [[0.5, 0.4, 0.7, 0.7, 0.8, 1.2, 2.2], [1.5, 1.4, 2.5, 2.9, 3.2, 4.8, 7.0]],
+        };
+        for values in [errors.level_db, errors.spectrum_db] {
+            for (octave, found) in values.into_iter().enumerate() {
+                let most = [limits[0][octave] + 0.05, limits[1][octave] + 0.05];
+                assert!(found[0] <= most[0] && found[1] <= most[1], "{} Hz: {found:?}", OCTAVES_HZ[octave]);
+            }
+        }
+        let most_us = if name.is_none() { [10.0, 25.0] } else { [20.0, 55.0] };
+        assert!(errors.time_us[0] < most_us[0] && errors.time_us[1] < most_us[1], "{:?}", errors.time_us);
+    }
+}
+
+/// What one ear hears the other hears of the mirrored field: harmonics that change their sign from left to right
+/// do so.
+#[test]
+fn the_ears_of_a_sphere_are_mirrored_at_every_rate() {
+    for rate_hz in [8000.0, 44_100.0, 192_000.0] {
+        let field = Head::spherical(rate_hz).field().unwrap();
+        let (here, there) = (harmonics([0.3, 0.5, 0.2]), harmonics([0.3, -0.5, 0.2]));
+        for (n, [left, right]) in field.responses.iter().enumerate() {
+            assert!(left.len() > field.lead && left.len() == right.len());
+            assert!(left.iter().chain(right).all(|tap| tap.is_finite() && tap.abs() < 2.0));
+            let sign = if here[n] == there[n] { 1.0 } else { -1.0 };
+            let most = left.iter().zip(right).map(|(l, r)| (l - sign * r).abs()).fold(0.0, f32::max);
+            assert!(most < 1e-6, "{rate_hz} Hz, harmonic {n}: {most}");
+        }
     }
 }
