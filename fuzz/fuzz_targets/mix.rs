@@ -54,7 +54,7 @@ fn soundings(sounds: &[Sound]) -> Option<Soundings> {
 
 fn sphere(output: &Output) -> Output {
     match output {
-        Output::Head { ears, .. } => Output::Head { ears: ears.clone(), head: None },
+        Output::Head { ears, shared, .. } => Output::Head { ears: ears.clone(), head: None, shared: *shared },
         channel => channel.clone(),
     }
 }

@@ -8,11 +8,20 @@
 //! names the folder of test data; where a set is not there, a small one of our own is asked. `open` reads a set
 //! and makes its filters at 48 kHz.
 
+//! `shared_head` and `full_head` count voice-seconds: moving voices that one head hears at 48 kHz, all the way from keys
+//! to samples of both ears, by way of a shared bus or with filters of their own. 10⁹ / (48 000 × items/s) is
+//! nanoseconds a voice and sample.
+
 use std::path::{Path, PathBuf};
 
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
+use froufrou::render::offline::{self, Extent};
+use froufrou::score::{Arrival, ChannelLine, Output, Start, Statement, Verb};
 use froufrou::space::head::Head;
+use froufrou::synth::mixer::Mixer;
+use froufrou::synth::receivers;
+use froufrou::synth::voice::Prototype;
 
 fn main() {
     divan::main();
@@ -55,4 +64,67 @@ fn hear_set(bencher: Bencher, name: &str) {
 fn open(bencher: Bencher, name: &str) {
     let path = path(name);
     bencher.bench_local(|| Head::open(&path, RATE_HZ).expect("a set").taps());
+}
+
+/// A second of voices that circle the head at different speeds and distances, with 25 keys a second.
+fn lines(voices: u64) -> Vec<ChannelLine> {
+    let mut lines = Vec::new();
+    for key in 0..=30u64 {
+        for thread in 0..voices {
+            let time_s = key as f64 / 25.0;
+            let (phase, turn) = (thread as f64 * 0.37, 0.3 + (thread % 7) as f64);
+            let angle = phase + time_s * turn;
+            let distance_m = 3.0 + 2.0 * (phase * 1.7 + time_s).sin();
+            let from_m = [distance_m * angle.sin(), (phase * 2.3).sin(), distance_m * angle.cos()];
+            let arrival = Arrival::new(0.3 / distance_m, distance_m / 343.0);
+            let verb = match key {
+                0 => Verb::Start(Start {
+                    sound: "noise".into(),
+                    speed: 1.0,
+                    offset_s: thread as f64 * 0.001,
+                    object: String::new(),
+                    cause: String::new(),
+                    pattern: String::new(),
+                }),
+                30 => Verb::End,
+                _ => Verb::Key,
+            };
+            let value = vec![Arrival { from_m: Some(from_m), ..arrival }];
+            lines.push(ChannelLine::Thread(Statement { thread, path: 0, time_s, verb, value }));
+        }
+    }
+    lines
+}
+
+fn voices(bencher: Bencher, voices: u64, shared: bool) {
+    let random = froufrou::random::Random::new(1, 0);
+    let samples = (0..96_000).map(|i| (random.uniform(i) * 2.0 - 1.0) as f32).collect();
+    let noise = Prototype { samples, rate_hz: RATE_HZ, looped: true };
+    let ears = ["left".to_owned(), "right".to_owned()];
+    let output = Output::Head { ears, head: None, shared };
+    let receivers = receivers::load(&[output], Path::new(""), 48_000).expect("a sphere");
+    let lines = lines(voices);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    let extent = Extent { rate_hz: 48_000, from_s: 0.0, to_s: Some(1.0), duration_s: None };
+    bencher.counter(ItemsCount::new(voices)).with_inputs(|| lines.clone()).bench_local_values(|lines| {
+        let sounds = [("noise".to_owned(), noise.clone().into())];
+        let lines = lines.into_iter().map(Ok);
+        let mut mixer = Mixer::new(48_000, receivers.clone(), sounds, lines).expect("a score");
+        pool.install(|| {
+            offline::render(&mut mixer, 2, &extent, false, |piece| {
+                black_box(piece.mix);
+                Ok(())
+            })
+        })
+    });
+}
+
+#[divan::bench(args = [16, 256, 1000], sample_count = 5)]
+fn shared_head(bencher: Bencher, count: u64) {
+    voices(bencher, count, true);
+}
+
+#[divan::bench(args = [16, 256, 1000], sample_count = 3)]
+fn full_head(bencher: Bencher, count: u64) {
+    voices(bencher, count, false);
 }

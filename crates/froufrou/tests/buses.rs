@@ -58,7 +58,7 @@ struct Sound {
 fn render(receivers: Vec<Receiver>, lines: &[ChannelLine], range: [Option<f64>; 2], cores: usize) -> Sound {
     let channels = receivers.iter().map(Receiver::channels).sum();
     let signal = Prototype { samples: noise(6000, 4).into(), rate_hz: f64::from(RATE_HZ), looped: true };
-    let lines = lines.to_vec().into_iter().map(Ok);
+    let lines = lines.iter().cloned().map(Ok);
     let mut mixer = Mixer::new(RATE_HZ, receivers, [("noise".to_owned(), signal.into())], lines).unwrap();
     let extent =
         Extent { rate_hz: RATE_HZ, from_s: range[0].unwrap_or(0.0), to_s: range[1], duration_s: None };

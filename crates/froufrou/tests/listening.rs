@@ -13,15 +13,18 @@ use studio::{Sound, Studio, Take};
 
 const RATE_HZ: u32 = 48_000;
 
+const BINAURAL: &str = "layout = 'binaural'";
+const SHARED: &str = "layout = 'binaural'\nshared = true";
+
 /// Everything that a listener may be.
-fn layouts() -> impl Iterator<Item = &'static str> {
-    Layout::names()
+fn layouts() -> impl Iterator<Item = String> {
+    Layout::names().map(|name| format!("layout = '{name}'")).chain([SHARED.to_owned()])
 }
 
 /// A source that stands still, as a scene; the recording is `hit.wav`.
 fn still(layout: &str, [x, y, z]: [f64; 3]) -> String {
     format!(
-        "duration = 0.3\n[listener]\nlayout = '{layout}'\n\
+        "duration = 0.3\n[listener]\n{layout}\n\
          [[sound]]\nposition = [{x}, {y}, {z}]\nrecording = 'hit.wav'\nat = [0.1]\n"
     )
 }
@@ -39,7 +42,7 @@ fn a_hit_arrives_at_the_ears_by_the_filters_of_the_head() {
     let rate_hz = f64::from(RATE_HZ);
     let head = Head::spherical(rate_hz);
     for from_m in [[0.0, 0.0, -3.43], [3.43, 0.0, 0.0], [-2.0, 1.0, 1.5], [0.3, -0.2, -0.1]] {
-        let sound = studio.scene(&still("binaural", from_m), Take::at(RATE_HZ)).unwrap();
+        let sound = studio.scene(&still(BINAURAL, from_m), Take::at(RATE_HZ)).unwrap();
         let mut filters = [vec![0.0; head.taps()], vec![0.0; head.taps()]];
         let [left, right] = &mut filters;
         let ears = head.hear(from_m, [left, right]);
@@ -83,7 +86,7 @@ fn sound_fields_and_loudspeakers_have_the_gains_of_theory() {
     let levels = |layout: &str| {
         let sound = studio.scene(&still(layout, from_m), Take::at(RATE_HZ)).unwrap();
         let begin = (0.15 * f64::from(RATE_HZ)) as usize;
-        let mono = studio.scene(&still("mono", from_m), Take::at(RATE_HZ)).unwrap().channel(0);
+        let mono = studio.scene(&still("layout = 'mono'", from_m), Take::at(RATE_HZ)).unwrap().channel(0);
         let along = |samples: &[f64]| -> f64 {
             let product: f64 = samples[begin..].iter().zip(&mono[begin..]).map(|(a, b)| a * b).sum();
             product / mono[begin..].iter().map(|b| b * b).sum::<f64>()
@@ -92,10 +95,10 @@ fn sound_fields_and_loudspeakers_have_the_gains_of_theory() {
     };
     let mut expected = [0.0; 16];
     ambisonic::encode(from_m, &mut expected);
-    for (found, expected) in levels("ambisonic-3").iter().zip(expected) {
+    for (found, expected) in levels("layout = 'ambisonic-3'").iter().zip(expected) {
         assert!((found - expected).abs() < 1e-5, "{found} {expected}");
     }
-    let gains = levels("7.1.4");
+    let gains = levels("layout = '7.1.4'");
     assert!((gains.iter().map(|g| g * g).sum::<f64>() - 1.0).abs() < 1e-5, "{gains:?}");
     assert_eq!(gains[3], 0.0, "nothing goes to the loudspeaker for low effects");
     // Center, right and the top front: the nearest play, and those behind do not.
@@ -127,8 +130,8 @@ fn nothing_clicks_when_sources_pass_and_heads_turn() {
         "[[sound]]\nposition = [1, 0.4, -1.5]\nrecording = 'tone.wav'\nloop = true\nfrom = 0\nto = 2\n";
     for layout in layouts() {
         for (name, scene) in [
-            ("passing", format!("duration = 2\n[listener]\nlayout = '{layout}'\n{passing}")),
-            ("turning", format!("duration = 2\n[listener]\nlayout = '{layout}'\n{turning}{standing}")),
+            ("passing", format!("duration = 2\n[listener]\n{layout}\n{passing}")),
+            ("turning", format!("duration = 2\n[listener]\n{layout}\n{turning}{standing}")),
         ] {
             let sound = studio.scene(&scene, Take::at(RATE_HZ)).unwrap();
             let worst =
@@ -184,7 +187,7 @@ fn level_and_timing_do_not_depend_on_the_rate() {
     studio.recording("hit.wav", 96_000, &hit);
     for layout in layouts() {
         let facts = |rate_hz: u32| {
-            let sound = studio.scene(&still(layout, [1.2, 0.4, -0.9]), Take::at(rate_hz)).unwrap();
+            let sound = studio.scene(&still(&layout, [1.2, 0.4, -0.9]), Take::at(rate_hz)).unwrap();
             (0..sound.channels)
                 .map(|channel| {
                     let samples = sound.channel(channel);
@@ -217,14 +220,14 @@ fn a_range_alone_is_that_part_of_the_whole() {
     studio.recording("noise.wav", RATE_HZ, &noise);
     let scene = |layout: &str| {
         format!(
-            "duration = 1.5\n[listener]\nlayout = '{layout}'\ntrack = [{{ t = 0, position = [0, 0, 0], facing = [0, 0.2, -1] }}, \
+            "duration = 1.5\n[listener]\n{layout}\ntrack = [{{ t = 0, position = [0, 0, 0], facing = [0, 0.2, -1] }}, \
              {{ t = 1.5, position = [1, 0, 0], facing = [1, 0, 0] }}]\n\
              [[object]]\nname = 'a'\ntrack = [{{ t = 0, position = [-3, 1, -2] }}, {{ t = 1.5, position = [3, -1, -2] }}]\n\
              sound = {{ recording = 'noise.wav', loop = true }}\n\
              [[sound]]\nposition = [0, 2, 1]\nrecording = 'noise.wav'\nat = [0.2, 0.7]\n"
         )
     };
-    for layout in ["binaural", "ambisonic-2", "7.1.4"] {
+    for layout in [BINAURAL, SHARED, "layout = 'ambisonic-2'", "layout = '7.1.4'"] {
         let whole = studio.scene(&scene(layout), Take { cores: 1, ..Take::at(RATE_HZ) }).unwrap();
         for (from_s, to_s) in [(0.0, 0.3), (0.31, 0.32), (0.69999, 1.2), (1.4, 1.5)] {
             let part =
@@ -265,21 +268,28 @@ fn a_sound_within_the_head_is_as_it_is_and_leaves_it_without_a_click() {
     let tone: Vec<f32> =
         (0..RATE_HZ).map(|n| (0.5 * (TAU * 1000.0 * f64::from(n) / rate_hz).sin()) as f32).collect();
     studio.recording("tone.wav", RATE_HZ, &tone);
-    // All around it, both ears hear the recording itself.
-    let score = "froufrou-score 1 object\nduration 0.5\nmicrophone m binaural at 0 0 0\nsound s \"tone.wav\"\n\
-                 start 1 0 s around m gain 0.5\nend 1 0.5\n";
-    let sound = studio.score(score, Take::at(RATE_HZ)).unwrap();
-    for ear in 0..2 {
-        let found = sound.channel(ear);
-        let same = found.iter().zip(&tone).take(20_000).all(|(a, b)| (a - 0.5 * f64::from(*b)).abs() < 1e-7);
-        assert!(same, "ear {ear}");
-    }
-    // From the middle of the head to the right of it, through keys that lie in it exactly.
-    let score = "froufrou-score 1 object\nduration 2\nmicrophone m binaural at 0 0 0\nsound s \"tone.wav\" loop exact\n\
-                 start 1 0 s at -1 0 0 gain 0.1\nkey 1 0.8 at 0 0 0\nkey 1 1 at 0 0 0\nkey 1 1.6 at 1 0.2 0\nend 1 2\n";
-    let sound = studio.score(score, Take::at(RATE_HZ)).unwrap();
-    for ear in 0..2 {
-        let worst = splash_db(&sound, ear);
-        assert!(worst < -60.0, "ear {ear}: {worst:.1} dB");
+    for shared in ["", " shared"] {
+        // All around it, both ears hear the recording itself.
+        let score = format!(
+            "froufrou-score 1 object\nduration 0.5\nmicrophone m binaural{shared} at 0 0 0\nsound s \"tone.wav\"\n\
+                 start 1 0 s around m gain 0.5\nend 1 0.5\n"
+        );
+        let sound = studio.score(&score, Take::at(RATE_HZ)).unwrap();
+        for ear in 0..2 {
+            let found = sound.channel(ear);
+            let same =
+                found.iter().zip(&tone).take(20_000).all(|(a, b)| (a - 0.5 * f64::from(*b)).abs() < 1e-7);
+            assert!(same, "ear {ear}{shared}");
+        }
+        // From the middle of the head to the right of it, through keys that lie in it exactly.
+        let score = format!(
+            "froufrou-score 1 object\nduration 2\nmicrophone m binaural{shared} at 0 0 0\nsound s \"tone.wav\" loop exact\n\
+                 start 1 0 s at -1 0 0 gain 0.1\nkey 1 0.8 at 0 0 0\nkey 1 1 at 0 0 0\nkey 1 1.6 at 1 0.2 0\nend 1 2\n"
+        );
+        let sound = studio.score(&score, Take::at(RATE_HZ)).unwrap();
+        for ear in 0..2 {
+            let worst = splash_db(&sound, ear);
+            assert!(worst < -60.0, "ear {ear}{shared}: {worst:.1} dB");
+        }
     }
 }

@@ -239,18 +239,26 @@ fn channel_score() -> impl Strategy<Value = Document<ChannelSpace>> {
 
 /// Channels and heads, in any order.
 fn outputs() -> impl Strategy<Value = Vec<Output>> {
-    (names(4), any::<[bool; 4]>(), select(vec![None, Some("a \"head\".sofa".to_owned())])).prop_map(
-        |(names, heads, file)| {
+    let file = select(vec![None, Some("a \"head\".sofa".to_owned()), Some("shared".to_owned())]);
+    let tail = prop::option::of(prop::collection::vec(not_negative(), 1..4));
+    (names(4), any::<[bool; 4]>(), file, any::<bool>(), tail).prop_map(
+        |(names, heads, file, shared, tail)| {
             let mut names = names.into_iter();
             let mut outputs = Vec::new();
             for is_head in heads {
                 let Some(name) = names.next() else { break };
                 match names.next() {
                     Some(right) if is_head => {
-                        outputs.push(Output::Head { ears: [name, right], head: file.clone() });
+                        let head = file.clone();
+                        outputs.push(Output::Head { ears: [name, right], head, shared });
                     }
                     other => outputs.extend([Some(name), other].into_iter().flatten().map(Output::Channel)),
                 }
+            }
+            let declared: Vec<String> = outputs.iter().flat_map(Output::channels).cloned().collect();
+            let channels: Vec<(String, f64)> = declared.into_iter().zip(tail.unwrap_or_default()).collect();
+            if !channels.is_empty() {
+                outputs.push(Output::Tail { scene: "a room.toml".into(), channels });
             }
             outputs
         },
@@ -273,7 +281,8 @@ fn pickup() -> impl Strategy<Value = Pickup> {
     });
     prop_oneof![
         3 => (number(), number()).prop_map(|(c, k)| Pickup::Shape(MicrophoneShape { c, k })),
-        1 => select(vec![None, Some("heads/a b.sofa".to_owned())]).prop_map(|head| Pickup::Binaural { head }),
+        1 => (select(vec![None, Some("heads/a b.sofa".to_owned())]), any::<bool>())
+            .prop_map(|(head, shared)| Pickup::Binaural { head, shared }),
         1 => (1..=3usize).prop_map(|order| Pickup::Ambisonic { order }),
         1 => loudspeakers.prop_map(Pickup::Loudspeakers),
     ]

@@ -959,10 +959,13 @@ speed-of-sound 343
 duration 2
 microphone ears binaural
 microphone camera binaural "heads/a b.sofa" at 0 1.6 0 facing 0 0 -1
+microphone crowd binaural shared
+microphone both binaural "shared" shared at 0 1.6 0 facing 0 0 -1
 microphone field ambisonic 3 at 0 0 0 facing 1 0 0 up 0 0 1
 microphone room loudspeakers "left" 30 0 "right" -30 0 "top" 0 90 "lfe" lfe at 1 2 3 facing 0 0 -1
 sound siren "siren.wav" loop
 hear ears 0 at 0 0 0 facing 0 0 -1
+hear crowd 0 at 0 0 0 facing 0 0 -1
 start 1 0 siren at 1 2 3 gain 1
 hear ears 1 at 0 0 0 facing 0 0 -1 up 1 0 0
 hear ears 1.5 at 0 0 0 facing 0 0 -1
@@ -974,7 +977,7 @@ speed-of-sound 343
 duration 2
 channels lfe # to be filled by hand
 head left right "kemar.sofa" # whose head
-head l r
+head l r shared # with all
 channels spare "spare 2"
 sound siren "siren.wav" loop
 start 1 0 siren 0 0.1 0.5 0.1 1 0 -3.5 -0.25 0.2 0 0 0 1 0 -1 0
@@ -988,9 +991,11 @@ fn pickups_and_heads_read_and_write() {
         assert_eq!(canonical(text), text);
     }
     let score = ObjectDocument::read(PICKUPS[0].as_bytes()).unwrap();
-    let [ears, camera, field, room] = &score.header.receivers[..] else { panic!() };
-    assert_eq!(ears.pickup, Pickup::Binaural { head: None });
-    assert_eq!(camera.pickup, Pickup::Binaural { head: Some("heads/a b.sofa".into()) });
+    let [ears, camera, crowd, both, field, room] = &score.header.receivers[..] else { panic!() };
+    assert_eq!(ears.pickup, Pickup::Binaural { head: None, shared: false });
+    assert_eq!(camera.pickup, Pickup::Binaural { head: Some("heads/a b.sofa".into()), shared: false });
+    assert_eq!(crowd.pickup, Pickup::Binaural { head: None, shared: true });
+    assert_eq!(both.pickup, Pickup::Binaural { head: Some("shared".into()), shared: true });
     assert_eq!(field.fixed.unwrap().up, [0.0, 0.0, 1.0]);
     assert_eq!(field.pickup.channels().join(" "), "W Y Z X V T R S U Q O M K L N P");
     assert_eq!(room.pickup.channels(), ["left", "right", "top", "lfe"]);
@@ -998,7 +1003,11 @@ fn pickups_and_heads_read_and_write() {
         ObjectLine::Microphone(key) => Some(key.pose.up[0]),
         _ => None,
     });
-    assert_eq!(ups.collect::<Vec<_>>(), [0.0, 1.0, 0.0], "what is not said is upright, whatever was before");
+    assert_eq!(
+        ups.collect::<Vec<_>>(),
+        [0.0, 0.0, 1.0, 0.0],
+        "what is not said is upright, whatever was before"
+    );
     let score = ChannelDocument::read(PICKUPS[1].as_bytes()).unwrap();
     assert_eq!(score.header.channels(), ["lfe", "left", "right", "l", "r", "spare", "spare 2"]);
     let ChannelLine::Thread(start) = &score.lines[0].line else { panic!() };
@@ -1011,26 +1020,27 @@ fn pickups_and_heads_read_and_write() {
 fn faults_of_pickups_and_heads_name_their_word() {
     let mut wrongly_told = Vec::new();
     for (text, from, to, expected) in [
-        (PICKUPS[0], "ambisonic 3", "ambisonic 4", "7:28: expected an order from 1 to 3, found 4"),
-        (PICKUPS[0], "\"right\" -30 0", "\"left\" -30 0", "8:42: there are two loudspeakers `left`"),
-        (PICKUPS[0], "\"lfe\" lfe", "\"lfe\" low", "8:73: unknown word `low`"),
+        (PICKUPS[0], "ambisonic 3", "ambisonic 4", "9:28: expected an order from 1 to 3, found 4"),
+        (PICKUPS[0], "\"right\" -30 0", "\"left\" -30 0", "10:42: there are two loudspeakers `left`"),
+        (PICKUPS[0], "\"lfe\" lfe", "\"lfe\" low", "10:73: unknown word `low`"),
         (
             PICKUPS[0],
             " \"left\" 30 0 \"right\" -30 0 \"top\" 0 90 \"lfe\" lfe",
             "",
-            "8:17: there are no loudspeakers",
+            "10:17: there are no loudspeakers",
         ),
-        (PICKUPS[0], "up 1 0 0", "up 0 0 0", "12:43: the upward direction 0 0 0 has no usable length"),
+        (PICKUPS[0], "up 1 0 0", "up 0 0 0", "15:43: the upward direction 0 0 0 has no usable length"),
         (
             PICKUPS[0],
-            "microphone ears binaural",
-            "head ears binaural",
+            "microphone ears binaural\n",
+            "head ears binaural\n",
             "5:1: `head` belongs into a score in channel space",
         ),
         (PICKUPS[1], "0.1 2 0 -3.5", "0.1 2 0", "11:"),
         (PICKUPS[1], "0 1 0 -1 0\n", "0 1 0\n", "10:59: expected 5 groups of numbers"),
-        (PICKUPS[1], "head l r", "head l", "7:"),
-        (PICKUPS[1], "head l r", "head l left", "7:8: the channel `left` is declared twice"),
+        (PICKUPS[1], "head l r shared", "head l", "7:"),
+        (PICKUPS[1], "head l r shared", "head l left shared", "7:8: the channel `left` is declared twice"),
+        (PICKUPS[1], "r shared #", "r shared shared #", "7:17: "),
         (PICKUPS[1], "channels spare", "channels a\nchannels spare", "9:1: `channels` is given twice"),
     ] {
         assert!(text.contains(from), "{from}");

@@ -242,8 +242,10 @@ pub fn pickup(pickup: &Pickup) -> String {
             (0.0, 1.0) => "cardioid".to_owned(),
             (c, k) => format!("shape {} {}", number(c), number(k)),
         },
-        Pickup::Binaural { head: None } => "binaural".to_owned(),
-        Pickup::Binaural { head: Some(head) } => format!("binaural {head}"),
+        Pickup::Binaural { head, shared } => {
+            let head = head.as_ref().map_or(String::new(), |head| format!(" {head}"));
+            format!("binaural{head}{}", if *shared { " shared" } else { "" })
+        }
         Pickup::Ambisonic { order } => format!("ambisonic {order}"),
         Pickup::Loudspeakers(all) => format!("{} loudspeakers", all.len()),
     }

@@ -106,6 +106,8 @@ pub struct Listener {
     pub spacing_m: f64,
     /// The file that says what its head does to sound; `None`: a sphere.
     pub head: Option<Asset>,
+    /// Whether all voices share one head.
+    pub shared: bool,
 }
 
 impl Listener {
@@ -145,7 +147,7 @@ impl Listener {
             }
             Layout::Binaural => {
                 let head = self.head.as_ref().map(|head| head.name.clone());
-                one("listener", Pickup::Binaural { head })
+                one("listener", Pickup::Binaural { head, shared: self.shared })
             }
             Layout::Ambisonic(order) => one("listener", Pickup::Ambisonic { order: *order }),
             Layout::Loudspeakers(all) => one("listener", Pickup::Loudspeakers(all.clone())),

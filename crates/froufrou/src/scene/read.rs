@@ -55,6 +55,7 @@ const LISTENER: Keys = &[
     "layout",
     "spacing",
     "head",
+    "shared",
 ];
 const LOUDSPEAKER: Keys = &["name", "azimuth", "elevation", "lfe"];
 const MICROPHONE: Keys = &[
@@ -320,6 +321,7 @@ fn listener(top: &Table<'_, '_>, folder: &Folder) -> Result<Option<Listener>> {
             layout: Layout::default(),
             spacing_m: 0.0,
             head: None,
+            shared: false,
         }));
     };
     let (motion, local_facing) = carrier(&table, folder)?;
@@ -336,7 +338,11 @@ fn listener(top: &Table<'_, '_>, folder: &Folder) -> Result<Option<Listener>> {
         }
         Some(node) => return Err(node.error("`head` is for a listener whose layout is `binaural`")),
     };
-    Ok(Some(Listener { motion, local_offset_m, local_facing, layout, spacing_m, head }))
+    let shared = table.get("shared").map_or(Ok(false), |node| match layout {
+        Layout::Binaural => node.as_flag().ok_or_else(|| node.expected("true or false")),
+        _ => Err(node.error("`shared` is for a listener whose layout is `binaural`")),
+    })?;
+    Ok(Some(Listener { motion, local_offset_m, local_facing, layout, spacing_m, head, shared }))
 }
 
 /// How a listener hears: the name of a layout, or loudspeakers.

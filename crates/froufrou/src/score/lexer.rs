@@ -275,6 +275,16 @@ impl<'a> Words<'a> {
         }
     }
 
+    /// Takes the next word if it is this word of the language, without quotes.
+    pub fn takes(&mut self, keyword: &str) -> bool {
+        let mut following = self.clone();
+        let is_this = matches!(following.next(), Ok(Some(Word::Bare(word))) if word == keyword);
+        if is_this {
+            *self = following;
+        }
+        is_this
+    }
+
     /// A word of the language, or `None` at the end of the line.
     pub fn keyword(&mut self, expected: &str) -> Result<Option<&'a str>> {
         match self.next()? {

@@ -255,7 +255,7 @@ pub trait Receives {
 impl Receives for Microphone {
     fn file_mut(&mut self) -> Option<&mut String> {
         match &mut self.pickup {
-            Pickup::Binaural { head } => head.as_mut(),
+            Pickup::Binaural { head, .. } => head.as_mut(),
             _ => None,
         }
     }
@@ -334,6 +334,8 @@ pub enum Pickup {
         /// The file that says what the head does to sound, as a path relative to the folder of the score;
         /// `None`: a sphere of the size of a head.
         head: Option<String>,
+        /// Whether all voices share one head: see [`Output::Head`].
+        shared: bool,
     },
     /// The sound field about a point, in real spherical harmonics up to an order from 1 to 3: ACN order, SN3D
     /// scaling, as in AmbiX files.
@@ -460,6 +462,10 @@ pub enum Output {
         /// The file that says what the head does to sound, as a path relative to the folder of the score;
         /// `None`: a sphere of the size of a head.
         head: Option<String>,
+        /// Whether all voices share one head. Else each passes filters of its own, which is exact and costs more;
+        /// shared, their sound field of order 3 passes those of a
+        /// [head that hears a field](crate::space::head::FieldResponses).
+        shared: bool,
     },
     /// The reverberation of a room behind its first reflections: what arrives here sounds on in channels of other
     /// outputs.

@@ -287,6 +287,21 @@ impl Space for ObjectSpace {
     }
 }
 
+/// The word for a head that all voices share.
+const SHARED: &str = "shared";
+
+/// Writes the file of a head, if it has one, and whether it is shared.
+fn push_head(text: &mut String, head: Option<&str>, shared: bool) {
+    if let Some(path) = head {
+        text.push(' ');
+        push_quoted(text, path);
+    }
+    if shared {
+        text.push(' ');
+        text.push_str(SHARED);
+    }
+}
+
 /// Reads what a microphone picks up.
 fn read_pickup(words: &mut Words<'_>) -> Result<Pickup> {
     const KINDS: [&str; 6] = ["omni", "cardioid", "shape", "binaural", "ambisonic", "loudspeakers"];
@@ -301,7 +316,8 @@ fn read_pickup(words: &mut Words<'_>) -> Result<Pickup> {
         Some("binaural") => {
             let file = words.peek() == Some(b'"');
             let head = file.then(|| words.name("the file of a head")).transpose()?;
-            Ok(Pickup::Binaural { head: head.map(|path| path.into_owned()) })
+            let shared = words.takes(SHARED);
+            Ok(Pickup::Binaural { head: head.map(|path| path.into_owned()), shared })
         }
         Some("ambisonic") => match words.whole("the order, from 1 to 3")? {
             order @ 1..=3 => Ok(Pickup::Ambisonic { order: order as usize }),
@@ -350,12 +366,9 @@ fn push_pickup(text: &mut String, pickup: &Pickup) -> Result<()> {
             text.push(' ');
             quantity::SHAPE_K.push(text, shape.k)?;
         }
-        Pickup::Binaural { head } => {
+        Pickup::Binaural { head, shared } => {
             text.push_str(" binaural");
-            if let Some(path) = head {
-                text.push(' ');
-                push_quoted(text, path);
-            }
+            push_head(text, head.as_deref(), *shared);
         }
         Pickup::Ambisonic { order: order @ 1..=3 } => {
             text.push_str(" ambisonic ");
@@ -480,9 +493,11 @@ impl Space for ChannelSpace {
         let channel = |words: &mut Words<'_>| Ok(words.name("the name of a channel")?.into_owned());
         if keyword == "head" {
             let ears = [channel(words)?, channel(words)?];
-            let file = words.peek().is_some_and(|next| next != b'#');
+            let mut shared = words.takes(SHARED);
+            let file = !shared && words.peek().is_some();
             let head = file.then(|| words.name("the file of a head")).transpose()?;
-            receivers.push(Output::Head { ears, head: head.map(|path| path.into_owned()) });
+            shared = shared || words.takes(SHARED);
+            receivers.push(Output::Head { ears, head: head.map(|path| path.into_owned()), shared });
             return Ok(());
         }
         if keyword == "tail" {
@@ -516,16 +531,13 @@ impl Space for ChannelSpace {
                         push_name(line, name);
                     }
                 }
-                Output::Head { ears, head } => {
+                Output::Head { ears, head, shared } => {
                     let mut line = String::from("head");
                     for ear in ears {
                         line.push(' ');
                         push_name(&mut line, ear);
                     }
-                    if let Some(path) = head {
-                        line.push(' ');
-                        push_quoted(&mut line, path);
-                    }
+                    push_head(&mut line, head.as_deref(), *shared);
                     lines.push((index, line));
                 }
                 Output::Tail { scene, channels } => {

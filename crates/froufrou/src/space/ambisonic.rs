@@ -247,7 +247,7 @@ const RINGS: usize = 60;
 
 /// The nodes and weights that integrate polynomials of degree 2 count − 1 over [−1, 1] exactly: the roots of the
 /// Legendre polynomial, by Newton's method.
-fn gauss_legendre(count: usize) -> impl Iterator<Item = (f64, f64)> {
+pub(super) fn gauss_legendre(count: usize) -> impl Iterator<Item = (f64, f64)> {
     let n = count as f64;
     (0..count).map(move |i| {
         let mut x = (std::f64::consts::PI * (i as f64 + 0.75) / (n + 0.5)).cos();

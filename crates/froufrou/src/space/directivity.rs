@@ -13,7 +13,7 @@ use crate::scene::animation::Transform;
 pub const HARMONICS: usize = 16;
 
 /// The orders of the harmonics, in their order.
-pub(super) const ORDERS: [usize; HARMONICS] = [0, 1, 1, 1, 2, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 3];
+pub(crate) const ORDERS: [usize; HARMONICS] = [0, 1, 1, 1, 2, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 3];
 
 /// The real spherical harmonics in a direction, a unit vector (ahead, left, up): ACN order, SN3D.
 ///

@@ -266,7 +266,7 @@ mod tests {
         };
         assert_eq!(around(&shape(0.0, 1.0)), [0.5]);
         assert_eq!(around(&Pickup::Ambisonic { order: 1 }), [0.5, 0.0, 0.0, 0.0]);
-        assert_eq!(around(&Pickup::Binaural { head: None }), [0.5]);
+        assert_eq!(around(&Pickup::Binaural { head: None, shared: false }), [0.5]);
         let lfe = Loudspeaker { name: "lfe".into(), azimuth_deg: 0.0, elevation_deg: 0.0, is_lfe: true };
         let side = |azimuth_deg| Loudspeaker {
             name: format!("{azimuth_deg}"),

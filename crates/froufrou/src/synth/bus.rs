@@ -12,7 +12,7 @@
 //!
 //! | quantity | value |
 //! | --- | --- |
-//! | cost a voice and sample | one reading, and a multiplication and an addition twice a lane |
+//! | cost a voice and sample | one reading, and two multiplications and additions a lane |
 //! | cost a sample, whatever the voices | a convolution a lane: see [`convolution`](crate::space::convolution) |
 //! | precision | lanes are sums in single precision, each in the order of the threads' numbers |
 //!
@@ -25,6 +25,7 @@ use std::sync::Arc;
 
 use super::filter::Filters;
 use super::path::{PathKey, Segment, UNSPREAD};
+use super::sinc::Kernel;
 use crate::space::convolution::Convolver;
 use crate::space::direction::ahead_left_up;
 use crate::space::directivity::{HARMONICS, harmonics};
@@ -62,6 +63,7 @@ pub struct Bus {
     lead: usize,
     taps: usize,
     channels: usize,
+    kernel: Kernel,
 }
 
 struct Lane {
@@ -107,13 +109,24 @@ impl Bus {
         };
         let lanes: Arc<[Lane]> = lanes.iter().map(lane).collect::<Result<_>>()?;
         let taps = lanes.iter().map(|lane| lane.convolver.taps()).max().unwrap_or(0);
-        Ok(Self { lanes, feed, lead: lead.min(taps), taps, channels: 0 })
+        Ok(Self { lanes, feed, lead: lead.min(taps), taps, channels: 0, kernel: Kernel::Long })
     }
 
     /// The same bus, with so many output channels of its own, which nothing else plays into directly.
     #[must_use]
     pub fn with_channels(self, channels: usize) -> Self {
         Self { channels, ..self }
+    }
+
+    /// The same bus, to which threads are read by another kernel.
+    #[must_use]
+    pub fn with_kernel(self, kernel: Kernel) -> Self {
+        Self { kernel, ..self }
+    }
+
+    /// The kernel that threads are read by.
+    pub fn kernel(&self) -> Kernel {
+        self.kernel
     }
 
     /// How many output channels are its own.
@@ -232,14 +245,14 @@ impl pulp::WithSimd for Spreading<'_> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
         let lanes = self.gains[0].len();
-        let length_s = self.segment.end_s - self.segment.begin_s;
+        let per_s = 1.0 / (self.segment.end_s - self.segment.begin_s);
         let mut along = [0.0f32; CHUNK];
         for (chunk, samples) in self.samples.chunks(CHUNK).enumerate() {
             let done = chunk * CHUNK;
             let first = (self.first + done as u64) as f64;
             for (n, along) in along.iter_mut().enumerate() {
                 let arrival_s = (first + n as u32 as f64) / self.rate_hz;
-                *along = ((arrival_s - self.segment.begin_s) / length_s).clamp(0.0, 1.0) as f32;
+                *along = ((arrival_s - self.segment.begin_s) * per_s).clamp(0.0, 1.0) as f32;
             }
             for number in 0..lanes.div_ceil(BANK) {
                 let own = number * BANK..((number + 1) * BANK).min(lanes);

@@ -228,6 +228,7 @@ impl Voices {
         let end_s = (frame + (frames + self.lead) as u64) as f64 / self.rate_hz;
         for (&(id, _), thread) in &self.threads {
             let Some(signal) = self.signal(id, thread.sound) else { continue };
+            let signal = Signal { kernel: bus.kernel(), ..signal };
             for segment in &thread.segments[*path] {
                 if segment.begin_s >= end_s || segment.end_s <= begin_s || segment.gain == [0.0; 2] {
                     continue;
@@ -374,7 +375,8 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             receivers.iter().map(|receiver| receiver.reach()[side]).max().unwrap_or(0) + coloured[side]
         };
         let (mut paths, mut channels) = (0, 0);
-        let (mut runs, mut buses): (Vec<(Range<usize>, usize)>, Vec<(usize, Bus)>) = (Vec::new(), Vec::new());
+        let mut runs: Vec<(Range<usize>, usize)> = Vec::new();
+        let mut buses: Vec<(usize, Bus)> = Vec::new();
         for receiver in &receivers {
             let range = paths..paths + receiver.paths();
             match (receiver, runs.last_mut()) {
@@ -767,11 +769,14 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             }
         };
         let segments = vec![Vec::new(); self.voices.paths];
+        // What goes into a tail is heard later, and softer.
+        let heard = value.iter().zip(&self.voices.receivers);
+        let direct = || heard.clone().filter(|(_, receiver)| receiver.channels() > 0).map(|(value, _)| value);
         self.begun.push(Begun {
             thread: id,
             time_s,
-            arrival_s: time_s + value.iter().map(|v| v.delay_s).fold(f64::INFINITY, f64::min),
-            gain: value.iter().map(|v| v.gain.abs()).fold(0.0, f64::max),
+            arrival_s: time_s + direct().map(|v| v.delay_s).fold(f64::INFINITY, f64::min),
+            gain: direct().map(|v| v.gain.abs()).fold(0.0, f64::max),
             start,
         });
         let ended = false;
@@ -888,7 +893,11 @@ impl Ways<'_> {
     fn keys(&self, filters: &mut Filters, emission_s: f64, value: &[Arrival]) -> Vec<PathKey> {
         let mut keys = Vec::with_capacity(value.len());
         for (index, (receiver, arrival)) in self.receivers.iter().zip(value).enumerate() {
-            let &Arrival { gain, delay_s, from_m, bands } = arrival;
+            let &Arrival { mut gain, delay_s, from_m, mut bands } = arrival;
+            // Where all bands are alike there is no colour.
+            if let Some(all) = bands.filter(|all| all.iter().all(|band| *band == all[0])) {
+                (gain, bands) = (gain * all[0], None);
+            }
             let plain = PathKey { emission_s, delay_s, gain, filter: UNFILTERED, spread: UNSPREAD };
             let plain = match receiver {
                 Receiver::Bus(bus) => bus.key(plain, from_m, filters),

@@ -11,6 +11,7 @@ pub mod path;
 pub mod procedure;
 pub mod prototypes;
 pub mod receivers;
+mod short;
 pub mod sinc;
 mod source;
 pub mod stick_slip;

@@ -136,6 +136,49 @@ impl Segment {
     }
 }
 
+/// A segment made ready to be asked often: the same but for rounding, without divisions.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Course {
+    begin_s: f64,
+    /// One over its length.
+    per_s: f64,
+    delay_s: [f64; 4],
+    slope: [f64; 3],
+    gain: [f64; 2],
+}
+
+impl Segment {
+    pub(super) fn course(&self) -> Course {
+        let length_s = self.end_s - self.begin_s;
+        let per_s = 1.0 / length_s;
+        let rise = self.delay_s[1] - self.delay_s[0];
+        let [m0, m1] = self.slope.map(|slope| slope * length_s);
+        let (c2, c3) = (3.0 * rise - 2.0 * m0 - m1, m0 + m1 - 2.0 * rise);
+        Course {
+            begin_s: self.begin_s,
+            per_s,
+            delay_s: [self.delay_s[0], m0, c2, c3],
+            slope: [m0 * per_s, 2.0 * c2 * per_s, 3.0 * c3 * per_s],
+            gain: [self.gain[0], self.gain[1] - self.gain[0]],
+        }
+    }
+}
+
+impl Course {
+    /// As [`Segment::at`].
+    #[inline(always)]
+    pub fn at(&self, arrival_s: f64) -> Moment {
+        let u = (arrival_s - self.begin_s) * self.per_s;
+        let [d0, d1, d2, d3] = self.delay_s;
+        let [s0, s1, s2] = self.slope;
+        Moment {
+            delay_s: d0 + u * (d1 + u * (d2 + u * d3)),
+            rate: 1.0 - (s0 + u * (s1 + u * s2)),
+            gain: self.gain[0] + u * self.gain[1],
+        }
+    }
+}
+
 /// Makes segments from keys as they come. A segment is known once the key behind its end is.
 #[derive(Debug, Clone)]
 pub struct PathBuilder {

@@ -3,14 +3,15 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::bus::{Bus, Feed};
+use super::bus::{Bus, Feed, Response};
 use super::filter::{ChannelPassage, Filter, Filters};
+use super::sinc::Kernel;
 use super::tails::{self, Hearing};
 use crate::scene::Scene;
 use crate::scene::file::Enclosing;
 use crate::score::{ChannelHeader, Output};
 use crate::space::bands::{BandFilters, Bands};
-use crate::space::head::Head;
+use crate::space::head::{FieldResponses, Head};
 use crate::space::reverberation::Reverberation;
 use crate::{Error, Result};
 
@@ -30,6 +31,23 @@ impl Receiver {
     /// So many plain channels.
     pub fn plain(channels: usize) -> Vec<Self> {
         vec![Receiver::Channel; channels]
+    }
+
+    /// A head that all voices share, whose ears are these two channels, its own: arrivals go to it as a sound field
+    /// of order 3, read by the short kernel. What is lost is told by [`FieldResponses`].
+    ///
+    /// # Errors
+    /// As [`Head::field`].
+    pub fn shared_head(head: &Head, ears: [usize; 2]) -> Result<Self> {
+        let FieldResponses { responses, lead } = head.field()?;
+        let mut lanes: Vec<Vec<Response>> =
+            responses.into_iter().map(|[left, right]| vec![(ears[0], left), (ears[1], right)]).collect();
+        // What sounds within the head is heard as it is.
+        let mut as_it_is = vec![0.0; lead + 1];
+        as_it_is[lead] = 1.0;
+        lanes.push(ears.map(|ear| (ear, as_it_is.clone())).to_vec());
+        let bus = Bus::new(Feed::Field, &lanes, lead)?;
+        Ok(Receiver::Bus(bus.with_channels(2).with_kernel(Kernel::Short)))
     }
 
     /// How many channels it has.
@@ -74,16 +92,31 @@ impl Receiver {
 /// The file of a head or of a scene with a room that cannot be read; a scene without one.
 pub fn load(header: &ChannelHeader, folder: &Path, rate_hz: u32) -> Result<Vec<Receiver>> {
     let outputs = &header.receivers;
+    let rate_hz = f64::from(rate_hz);
     let mut receivers: Vec<Receiver> = Vec::with_capacity(outputs.len());
+    // The heads of outputs that are one.
+    let mut heads: Vec<Option<Arc<Head>>> = Vec::with_capacity(outputs.len());
+    let mut channels = 0;
     for output in outputs {
-        let receiver = match output {
-            Output::Tail { scene, channels } => {
-                let heard = hearing(outputs, &receivers, channels);
-                tail(&folder.join(scene), f64::from(rate_hz), header.seed, &heard)?
-            }
-            output => alone(output, folder, rate_hz)?,
+        let head = match output {
+            Output::Head { head: None, .. } => Some(Arc::new(Head::spherical(rate_hz))),
+            Output::Head { head: Some(file), .. } => Some(Arc::new(Head::open(&folder.join(file), rate_hz)?)),
+            Output::Channel(_) | Output::Tail { .. } => None,
         };
+        let receiver = match (output, &head) {
+            (Output::Tail { scene, channels }, _) => {
+                let heard = hearing(outputs, &heads, channels);
+                tail(&folder.join(scene), rate_hz, header.seed, &heard)?
+            }
+            (Output::Head { shared: true, .. }, Some(head)) => {
+                Receiver::shared_head(head, [channels, channels + 1])?
+            }
+            (_, Some(head)) => Receiver::Head(HeadReceiver(head.clone())),
+            (_, None) => Receiver::Channel,
+        };
+        channels += receiver.channels();
         receivers.push(receiver);
+        heads.push(head);
     }
     Ok(receivers)
 }
@@ -91,17 +124,17 @@ pub fn load(header: &ChannelHeader, folder: &Path, rate_hz: u32) -> Result<Vec<R
 /// What hears a tail in some channels: outputs that stand before it.
 fn hearing<'a>(
     outputs: &[Output],
-    receivers: &'a [Receiver],
+    heads: &'a [Option<Arc<Head>>],
     channels: &[(String, f64)],
 ) -> Vec<Hearing<'a>> {
     let level = |name: &String| {
         channels.iter().filter(|(channel, _)| channel == name).map(|(_, level)| level).sum::<f64>()
     };
     let (mut heard, mut first) = (Vec::new(), 0);
-    for (output, receiver) in outputs.iter().zip(receivers) {
+    for (output, head) in outputs.iter().zip(heads) {
         let names = output.channels();
-        match (receiver, names) {
-            (Receiver::Head(HeadReceiver(head)), [left, right]) => {
+        match (head, names) {
+            (Some(head), [left, right]) => {
                 let levels = [level(left), level(right)];
                 if levels != [0.0; 2] {
                     heard.push(Hearing::Head([first, first + 1], levels, head));
@@ -129,17 +162,6 @@ fn tail(file: &Path, rate_hz: f64, seed: u64, heard: &[Hearing<'_>]) -> Result<R
     let reverberation = Reverberation::new(&about.room, &scene.medium(), about.order);
     let reverberation = reverberation.map_err(|fault| fault.in_file(file))?;
     Ok(Receiver::Bus(tails::bus(&reverberation, rate_hz, seed, heard)?))
-}
-
-/// An output that needs no other.
-fn alone(output: &Output, folder: &Path, rate_hz: u32) -> Result<Receiver> {
-    let rate_hz = f64::from(rate_hz);
-    let head = match output {
-        Output::Channel(_) => return Ok(Receiver::Channel),
-        Output::Head { head: Some(file), .. } => Head::open(&folder.join(file), rate_hz)?,
-        Output::Head { .. } | Output::Tail { .. } => Head::spherical(rate_hz),
-    };
-    Ok(Receiver::Head(HeadReceiver(Arc::new(head))))
 }
 
 /// A head that receives.

@@ -182,6 +182,7 @@ impl Source {
     /// What has been made of the signal and is not forgotten.
     pub(crate) fn signal(&self) -> Signal<'_> {
         Signal {
+            kernel: super::sinc::Kernel::Long,
             samples: Samples { samples: &self.samples, looped: false },
             base: self.base as f64,
             rate_hz: self.rate_hz,

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::path::{Fades, Segment};
-use super::sinc::{self, Samples};
+use super::path::{Fades, Moment, Segment};
+use super::sinc::{self, Kernel, Samples};
 
 /// A sampled prototype sound: what a thread plays.
 #[derive(Debug, Clone)]
@@ -36,13 +36,15 @@ pub struct Signal<'a> {
     pub base: f64,
     /// Their rate.
     pub rate_hz: f64,
+    /// How well they are read.
+    pub kernel: Kernel,
 }
 
 impl Prototype {
     /// Its samples.
     pub fn signal(&self) -> Signal<'_> {
         let samples = Samples { samples: &self.samples, looped: self.looped };
-        Signal { samples, base: 0.0, rate_hz: self.rate_hz }
+        Signal { samples, base: 0.0, rate_hz: self.rate_hz, kernel: Kernel::Long }
     }
 }
 
@@ -120,6 +122,7 @@ pub fn add_segment(
     pulp::Arch::new().dispatch(Reading {
         samples: signal.samples,
         base: signal.base,
+        kernel: signal.kernel,
         playback,
         source_rate_hz: playback.speed * signal.rate_hz,
         offset: playback.offset_s * signal.rate_hz,
@@ -136,6 +139,7 @@ pub fn add_segment(
 struct Reading<'a> {
     samples: Samples<'a>,
     base: f64,
+    kernel: Kernel,
     playback: &'a Playback,
     /// Samples of the prototype in a second of its source's time.
     source_rate_hz: f64,
@@ -168,18 +172,25 @@ impl pulp::WithSimd for Reading<'_> {
         let begin_s = first_frame(self.segment.begin_s, self.rate_hz) as f64 / self.rate_hz;
         let unchanged =
             self.segment.is_still() && step == 1.0 && whole(place(begin_s - self.segment.delay_s[0]));
+        let course = self.segment.course();
         let (mut positions, mut ratios, mut gains) = ([0.0f64; CHUNK], [0.0f64; CHUNK], [0.0f64; CHUNK]);
         let mut read = [0.0f32; CHUNK];
         for (chunk, out) in self.out.chunks_mut(CHUNK).enumerate() {
             let first = (self.first + (chunk * CHUNK) as u64) as f64;
             let count = out.len();
-            for n in 0..count {
-                let arrival_s = (first + n as u32 as f64) / self.rate_hz;
-                let moment = self.segment.at(arrival_s);
-                let emission_s = arrival_s - moment.delay_s;
-                positions[n] = place(emission_s);
+            let mut find = |n: usize, arrival_s: f64, moment: Moment| {
+                positions[n] = place(arrival_s - moment.delay_s);
                 ratios[n] = moment.rate * step;
                 gains[n] = moment.gain;
+            };
+            let arrivals_s = (0..count).map(|n| (n, (first + n as u32 as f64) / self.rate_hz));
+            match self.kernel {
+                Kernel::Long => {
+                    arrivals_s.for_each(|(n, arrival_s)| find(n, arrival_s, self.segment.at(arrival_s)));
+                }
+                Kernel::Short => {
+                    arrivals_s.for_each(|(n, arrival_s)| find(n, arrival_s, course.at(arrival_s)))
+                }
             }
             if self.segment.fades != Fades::NONE {
                 for (n, gain) in gains[..count].iter_mut().enumerate() {
@@ -192,13 +203,11 @@ impl pulp::WithSimd for Reading<'_> {
                     *read = self.samples.at(position.round() as i64);
                 }
             } else {
-                self.samples.read(
-                    simd,
-                    &positions[..count],
-                    &ratios[..count],
-                    &mut read[..count],
-                    self.window,
-                );
+                let (positions, ratios, read) = (&positions[..count], &ratios[..count], &mut read[..count]);
+                match self.kernel {
+                    Kernel::Long => self.samples.read(simd, positions, ratios, read, self.window),
+                    Kernel::Short => self.samples.read_short(simd, positions, ratios, read, self.window),
+                }
             }
             for (out, (&sample, gain)) in out.iter_mut().zip(read.iter().zip(gains)) {
                 *out += f64::from(sample) * gain;

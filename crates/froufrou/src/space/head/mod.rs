@@ -29,6 +29,7 @@
 
 mod aligned;
 mod coordinates;
+mod field;
 mod grid;
 mod hdf;
 mod measured;
@@ -40,6 +41,7 @@ mod tests;
 
 use std::path::Path;
 
+pub use field::FieldResponses;
 pub use measured::Measured;
 
 use super::microphone::NEAR_M;

@@ -12,9 +12,9 @@ use super::grid::{Grid, Vector, cross, dot};
 use super::*;
 use crate::random::Random;
 
-const SETS: [&str; 2] = ["MIT_KEMAR_normal_pinna.sofa", "FHK_HRIR_L2354.sofa"];
+pub(super) const SETS: [&str; 2] = ["MIT_KEMAR_normal_pinna.sofa", "FHK_HRIR_L2354.sofa"];
 
-fn set(name: &str) -> Option<PathBuf> {
+pub(super) fn set(name: &str) -> Option<PathBuf> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
     let data = std::env::var_os("FROUFROU_DATA").map_or_else(beside, PathBuf::from);
     let path = data.join("hrtf").join(name);
@@ -28,7 +28,7 @@ fn set(name: &str) -> Option<PathBuf> {
 const SIZE: usize = 2048;
 
 /// The spectrum of a response, later by so many samples.
-fn spectrum(response: impl IntoIterator<Item = f64>, delay: f64) -> Vec<Complex<f64>> {
+pub(super) fn spectrum(response: impl IntoIterator<Item = f64>, delay: f64) -> Vec<Complex<f64>> {
     thread_local! {
         static FORWARD: Arc<dyn RealToComplex<f64>> = RealFftPlanner::new().plan_fft_forward(SIZE);
     }
@@ -51,7 +51,7 @@ fn heard(head: &Head, from_m: Vector) -> ([Vec<f32>; 2], [EarArrival; 2]) {
 }
 
 /// The spectra of both ears at the head's rate, with their delays, later by a millisecond.
-fn spectra(head: &Head, from_m: Vector) -> [Vec<Complex<f64>>; 2] {
+pub(super) fn spectra(head: &Head, from_m: Vector) -> [Vec<Complex<f64>>; 2] {
     let (taps, arrivals) = heard(head, from_m);
     [0, 1].map(|ear| {
         let delay = (arrivals[ear].delay_s + 0.001) * head.rate_hz() - head.lead() as f64;

@@ -100,8 +100,9 @@ fn outputs(microphones: &[Microphone], room: Option<&String>) -> Vec<Output> {
         };
         match &microphone.pickup {
             Pickup::Shape(_) => all.push(Output::Channel(microphone.name.clone())),
-            Pickup::Binaural { head } => {
-                all.push(Output::Head { ears: ["left", "right"].map(name), head: head.clone() });
+            Pickup::Binaural { head, shared } => {
+                let ears = ["left", "right"].map(name);
+                all.push(Output::Head { ears, head: head.clone(), shared: *shared });
             }
             pickup => all.extend(pickup.channels().iter().map(|channel| Output::Channel(name(channel)))),
         }
