@@ -192,7 +192,7 @@ fn made(status: c_int, handle: Handle, what: &str) -> Result<(), String> {
     if status == 0 && !handle.is_null() {
         Ok(())
     } else {
-        Err(format!("it makes no {what}: status {status}"))
+        Err(format!("it cannot make {what}: status {status}"))
     }
 }
 
@@ -250,13 +250,13 @@ impl Effects {
         let status = unsafe {
             (functions.create_direct)(phonon.context, &mut audio, &mut settings, &mut effects.direct)
         };
-        made(status, effects.direct, "direct effect")?;
+        made(status, effects.direct, "a direct effect")?;
         let mut settings = BinauralEffectSettings { hrtf: phonon.hrtf };
         // SAFETY: As before; the head lives as long as `phonon`.
         let status = unsafe {
             (functions.create_binaural)(phonon.context, &mut audio, &mut settings, &mut effects.binaural)
         };
-        made(status, effects.binaural, "binaural effect")?;
+        made(status, effects.binaural, "a binaural effect")?;
         Ok(effects)
     }
 
