@@ -84,10 +84,11 @@ pub fn read(file: &Path) -> Result<ScoreFindings> {
             Ok(ScoreFindings { microphones, ..found })
         }
         AnySpace::Channel(reader) => {
-            let channels = reader.header().channels();
+            let header = reader.header().clone();
+            let channels = header.channels();
             let found = count(reader, |line| match line {
                 ChannelLine::Thread(line) => {
-                    let gains = line.value.iter().map(|Arrival { gain, .. }| gain.abs()).collect();
+                    let gains = header.heard(&line.value).map(|Arrival { gain, .. }| gain.abs()).collect();
                     (line.time_s, Said::Thread(line.verb, gains))
                 }
                 ChannelLine::Cue(cue) => (cue.time_s, Said::Cue),

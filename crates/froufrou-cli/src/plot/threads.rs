@@ -133,14 +133,16 @@ pub fn walk(file: &Path, see: &mut dyn FnMut(Seen<'_>)) -> Result<Facts> {
             })
         }
         AnySpace::Channel(reader) => {
-            let names = reader.header().channels();
+            let header = reader.header().clone();
+            let names = header.channels();
             walk_through(file, reader, names, false, see, |line, _| {
                 // What a thread's further paths do is as much its own, and would only hide it.
                 let ChannelLine::Thread(line) = line else { return None };
                 if line.path > 0 {
                     return None;
                 }
-                let gain = line.value.iter().map(|Arrival { gain, .. }| gain.abs()).fold(0.0, f64::max);
+                let gains = header.heard(&line.value).map(|Arrival { gain, .. }| gain.abs());
+                let gain = gains.fold(0.0, f64::max);
                 Some((line.thread, line.verb, Place { time_s: line.time_s, gain, position_m: None }))
             })
         }

@@ -244,6 +244,12 @@ impl Header<Output> {
     pub fn channels(&self) -> Vec<String> {
         self.receivers.iter().flat_map(Output::channels).cloned().collect()
     }
+
+    /// What arrives in channels by itself, not by way of a tail.
+    pub fn heard<'a>(&'a self, value: &'a [Arrival]) -> impl Iterator<Item = &'a Arrival> {
+        let plain = |(_, output): &(&Arrival, &Output)| !matches!(output, Output::Tail { .. });
+        value.iter().zip(&self.receivers).filter(plain).map(|(arrival, _)| arrival)
+    }
 }
 
 /// Who receives in either space.

@@ -198,7 +198,7 @@ mod tests {
         // The channels of a sound field, each over all directions.
         let levels = diffuse(&Pickup::Ambisonic { order: 3 });
         let upright = Pose::upright([0.0; 3], [0.0, 0.0, -1.0]);
-        let mut sums = vec![0.0; 16];
+        let mut sums = [0.0; 16];
         for direction in super::super::sphere::even_directions(4000) {
             let values = heard(&Pickup::Ambisonic { order: 3 }, &upright, direction);
             sums.iter_mut().zip(&values).for_each(|(sum, value)| *sum += value.gain.powi(2) / 4000.0);
