@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
 use froufrou::render::offline::{self, Extent};
-use froufrou::score::{Arrival, ChannelLine, Output, Start, Statement, Verb};
+use froufrou::score::{Arrival, ChannelLine, Header, Order, Output, Start, Statement, Verb};
 use froufrou::space::head::Head;
 use froufrou::synth::mixer::Mixer;
 use froufrou::synth::receivers;
@@ -102,7 +102,8 @@ fn voices(bencher: Bencher, voices: u64, shared: bool) {
     let noise = Prototype { samples, rate_hz: RATE_HZ, looped: true };
     let ears = ["left".to_owned(), "right".to_owned()];
     let output = Output::Head { ears, head: None, shared };
-    let receivers = receivers::load(&[output], Path::new(""), 48_000).expect("a sphere");
+    let header = Header::new(Order::Time, vec![output]);
+    let receivers = receivers::load(&header, Path::new(""), 48_000).expect("a sphere");
     let lines = lines(voices);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     let extent = Extent { rate_hz: 48_000, from_s: 0.0, to_s: Some(1.0), duration_s: None };

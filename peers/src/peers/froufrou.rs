@@ -5,8 +5,9 @@
 
 use std::path::{Path, PathBuf};
 
-use froufrou::score::{Arrival, ChannelLine, Output, Start, Statement, Verb};
+use froufrou::score::{Arrival, ChannelLine, Header, Order, Output, Start, Statement, Verb};
 use froufrou::space::head::Head;
+use froufrou::synth::bus::Ringing;
 use froufrou::synth::mixer::Mixer;
 use froufrou::synth::receivers::{Receiver, load};
 use froufrou::synth::voice::Prototype;
@@ -24,13 +25,18 @@ enum Hearing {
     Sphere,
     /// A measured head.
     Head(PathBuf),
+    /// The same head, which all voices share by way of a sound field of order 3.
+    Shared(PathBuf),
 }
 
 /// The rows of froufrou.
 pub fn all(head: Option<&Path>, absent: &mut Vec<String>) -> Vec<Box<dyn Peer>> {
     let mut rows: Vec<Box<dyn Peer>> = Vec::new();
     match head {
-        Some(file) => rows.push(Box::new(Froufrou(Hearing::Head(file.into())))),
+        Some(file) => {
+            rows.push(Box::new(Froufrou(Hearing::Head(file.into()))));
+            rows.push(Box::new(Froufrou(Hearing::Shared(file.into()))));
+        }
         None => absent.push("froufrou-head: no measured head; name a SOFA file with --head".into()),
     }
     rows.push(Box::new(Froufrou(Hearing::Sphere)));
@@ -42,22 +48,23 @@ struct Froufrou(Hearing);
 
 impl Hearing {
     fn receivers(&self) -> Result<Vec<Receiver>> {
-        let head = |head: Option<&Path>| {
+        let head = |head: Option<&Path>, shared: bool| {
             let head = head.map(|file| file.to_string_lossy().into_owned());
-            let output = Output::Head { ears: ["left".into(), "right".into()], head };
-            load(&[output], Path::new(""), RATE_HZ).map_err(|error| error.to_string())
+            let output = Output::Head { ears: ["left".into(), "right".into()], head, shared };
+            load(&Header::new(Order::Time, vec![output]), Path::new(""), RATE_HZ).map_err(|error| error.to_string())
         };
         match self {
             Hearing::Stereo => Ok(Receiver::plain(2)),
-            Hearing::Sphere => head(None),
-            Hearing::Head(file) => head(Some(file)),
+            Hearing::Sphere => head(None, false),
+            Hearing::Head(file) => head(Some(file), false),
+            Hearing::Shared(file) => head(Some(file), true),
         }
     }
 
     fn arrivals(&self, from: [f64; 3]) -> Vec<Arrival> {
         match self {
             Hearing::Stereo => vec![ear(from, -1.0), ear(from, 1.0)],
-            Hearing::Sphere | Hearing::Head(_) => {
+            Hearing::Sphere | Hearing::Head(_) | Hearing::Shared(_) => {
                 let distance = length(from);
                 let arrival = Arrival::new(1.0 / distance, distance / SPEED_OF_SOUND);
                 vec![Arrival { from_m: Some(from), ..arrival }]
@@ -84,6 +91,7 @@ impl Peer for Froufrou {
             Hearing::Stereo => "froufrou-stereo",
             Hearing::Sphere => "froufrou-sphere",
             Hearing::Head(_) => "froufrou-head",
+            Hearing::Shared(_) => "froufrou-shared",
         }
         .into()
     }
@@ -94,6 +102,7 @@ impl Peer for Froufrou {
             Hearing::Stereo => None,
             Hearing::Sphere => Some(Ok(Head::spherical(rate_hz))),
             Hearing::Head(file) => Some(Head::open(file, rate_hz)),
+            Hearing::Shared(_) => return "a sound field of order 3 to the same head, short kernel".into(),
         };
         let taps = match head {
             None => return "two microphones a head apart".into(),
@@ -118,7 +127,8 @@ impl Peer for Froufrou {
         let sounds = sounds.map(|(index, samples)| (index.to_string(), prototype(samples).into()));
         let lines = Lines { hearing, voices: world.voices.clone(), next: 0 };
         let mixer = Mixer::new(RATE_HZ, receivers, sounds, lines).map_err(|error| error.to_string())?;
-        Ok(Box::new(Playing { mixer, frame: 0 }))
+        let ringing = mixer.voices().buses().map(|bus| Ringing::new(bus, 0)).collect();
+        Ok(Box::new(Playing { mixer, ringing, frame: 0 }))
     }
 }
 
@@ -155,6 +165,8 @@ impl Iterator for Lines {
 
 struct Playing {
     mixer: Mixer<Lines>,
+    /// What is under way through each bus.
+    ringing: Vec<Ringing>,
     frame: u64,
 }
 
@@ -167,7 +179,19 @@ impl Rendering for Playing {
     fn render(&mut self, block: &mut [[f32; 2]]) -> Result<()> {
         let end = self.frame + block.len() as u64;
         self.mixer.read_to(end).map_err(|error| error.to_string())?;
-        let mix = self.mixer.voices().render(self.frame, block.len(), false).mix;
+        let voices = self.mixer.voices();
+        let mut mix = voices.render(self.frame, block.len(), false).mix;
+        for (index, (bus, ringing)) in voices.buses().zip(&mut self.ringing).enumerate() {
+            // What is read ahead comes out before the first frame.
+            let ahead = (self.frame + bus.lead() as u64 - ringing.frame()) as usize;
+            if ahead > 0 {
+                let lanes = voices.render_lanes(index, ringing.frame(), ahead, false);
+                let fed = ringing.process(&lanes.mix, ahead, &mut vec![0.0; 2 * ahead]);
+                fed.map_err(|error| error.to_string())?;
+            }
+            let lanes = voices.render_lanes(index, ringing.frame(), block.len(), false);
+            ringing.process(&lanes.mix, block.len(), &mut mix).map_err(|error| error.to_string())?;
+        }
         let (left, right) = mix.split_at(block.len());
         for ((frame, left), right) in block.iter_mut().zip(left).zip(right) {
             *frame = [*left as f32, *right as f32];
