@@ -330,3 +330,102 @@ fn a_wire_sings_as_the_wind_blows() {
     }
     assert_eq!(count_by_object(&production).len(), 3);
 }
+
+#[test]
+fn the_hall_answers_and_its_pillar_hides_the_bell() {
+    let production = open("hall");
+    let bell: Vec<(f64, u32, Verb, Arrival)> = production
+        .channel_lines()
+        .unwrap()
+        .filter_map(|line| line.unwrap().statement().cloned())
+        .filter(|line| line.thread == 2)
+        .map(|line| (line.time_s, line.path, line.verb, line.value[0]))
+        .collect();
+    // The source itself and 24 images.
+    assert_eq!(bell.iter().map(|line| line.1).max(), Some(24));
+    let level = |time_s: f64| {
+        let direct = bell.iter().filter(|(at_s, path, ..)| *path == 0 && (at_s - time_s).abs() < 0.05);
+        let length = |m: [f64; 3]| m.iter().map(|c| c * c).sum::<f64>().sqrt();
+        let levels: Vec<f64> = direct.map(|(.., to)| to.gain.abs() * length(to.from_m.unwrap())).collect();
+        20.0 * (levels.iter().sum::<f64>() / levels.len() as f64).log10()
+    };
+    let (open, hidden) = (level(7.0), level(9.5));
+    assert!((hidden - open + 18.0).abs() < 2.0, "{open} {hidden}");
+    assert!((level(12.5) - open).abs() < 0.5, "{}", level(12.5));
+    let sound = render("hall");
+    let ears = [sound.channel(0), sound.channel(1)];
+    let energy = |from_s: f64, to_s: f64| -> f64 {
+        let part = (from_s * RATE_HZ) as usize..(to_s * RATE_HZ) as usize;
+        ears.iter().flat_map(|ear| &ear[part.clone()]).map(|s| s * s).sum()
+    };
+    // What the hall says to the blocks dies away by 60 dB in about two seconds.
+    let fall_db = 10.0 * (energy(0.6, 0.8) / energy(1.6, 1.8)).log10();
+    assert!((20.0..45.0).contains(&fall_db), "{fall_db} dB in a second");
+}
+
+#[test]
+fn the_sheet_and_the_table_make_a_comb_that_moves() {
+    const LENGTH: usize = 1024;
+    let sound = render("sheet");
+    let samples = sound.channel(0);
+    let bins = 20..400;
+    // The noise in decibels over a tenth of a second.
+    let measured = |time_s: f64| -> Vec<f64> {
+        let fft = realfft::RealFftPlanner::<f64>::new().plan_fft_forward(LENGTH);
+        let (mut spectrum, mut sums) = (fft.make_output_vec(), vec![0.0; LENGTH / 2 + 1]);
+        let begin = ((time_s - 0.05) * RATE_HZ) as usize;
+        for at in (begin..begin + 4800 - LENGTH).step_by(LENGTH / 4) {
+            let window = |n: usize| 0.5 - 0.5 * (std::f64::consts::TAU * n as f64 / LENGTH as f64).cos();
+            let mut part: Vec<f64> = (0..LENGTH).map(|n| window(n) * samples[at + n]).collect();
+            fft.process(&mut part, &mut spectrum).unwrap();
+            sums.iter_mut().zip(&spectrum).for_each(|(sum, value)| *sum += value.norm_sqr());
+        }
+        sums[bins.clone()].iter().map(|sum| 10.0 * sum.log10()).collect()
+    };
+    // And what the sheet and its image at a height make of white noise.
+    let theory = |height_m: f64, axis: [f64; 3]| -> Vec<f64> {
+        let ways = [(1.0, 1.0), (-1.0, 0.95f64.sqrt())].map(|(side, gain)| {
+            let way = [0.9, 0.5 - side * height_m, 0.5];
+            let length_m = way.iter().map(|c| c * c).sum::<f64>().sqrt();
+            let along = axis[0] * way[0] + side * axis[1] * way[1] + axis[2] * way[2];
+            (gain * along / length_m / length_m, length_m)
+        });
+        let power = |bin: usize| {
+            let omega = std::f64::consts::TAU * bin as f64 * RATE_HZ / LENGTH as f64 / 343.0;
+            let sum = |part: fn(f64) -> f64| -> f64 {
+                ways.iter().map(|(gain, length_m)| gain * part(omega * length_m)).sum()
+            };
+            sum(f64::cos).powi(2) + sum(f64::sin).powi(2)
+        };
+        bins.clone().map(|bin| 10.0 * (power(bin) + 1e-9).log10()).collect()
+    };
+    let alike = |a: &[f64], b: &[f64]| {
+        let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len() as f64;
+        let (a_mean, b_mean) = (mean(a), mean(b));
+        let product = |of: &dyn Fn(f64, f64) -> f64| -> f64 {
+            a.iter().zip(b).map(|(a, b)| of(a - a_mean, b - b_mean)).sum()
+        };
+        product(&|a, b| a * b) / (product(&|a, _| a * a) * product(&|_, b| b * b)).sqrt()
+    };
+    for (time_s, axis) in [
+        (1.0, [0.0, 1.0, 0.0]),
+        (1.5, [0.0, 1.0, 0.0]),
+        (5.0, [0.0, 1.0, 0.0]),
+        (7.0, [0.9, 0.0, 0.5]),
+        (8.0, [0.9, 0.0, 0.5]),
+        (11.0, [0.9, 0.0, 0.5]),
+    ] {
+        let within_s: f64 = if time_s < 6.0 { time_s } else { time_s - 6.0 };
+        let height_m = 0.5 - 0.48 * (within_s.min(6.0 - within_s) / 2.5).min(1.0);
+        let found = measured(time_s);
+        let there = alike(&found, &theory(height_m, axis));
+        assert!(there > 0.55, "at {time_s} s: {there}");
+        for off_m in [-0.03, 0.03] {
+            let elsewhere = alike(&found, &theory(height_m + off_m, axis));
+            assert!(elsewhere < there - 0.2, "at {time_s} s, {off_m} m off: {elsewhere}, {there}");
+        }
+    }
+    // On the table, lying, low sounds cancel; standing, they add.
+    let low = |time_s: f64| measured(time_s)[..20].iter().sum::<f64>() / 20.0;
+    assert!(low(8.75) > low(2.75) + 12.0, "{} {}", low(8.75), low(2.75));
+}

@@ -446,3 +446,40 @@ fn what_is_outside_is_not_heard_to_reverberate() {
     assert!(later(3.0) > 1e-4);
     assert_eq!(later(-2.0), 0.0);
 }
+
+#[test]
+fn a_room_sounds_alike_at_every_rate() {
+    let studio = Studio::new();
+    // A band-limited hit, the same at every rate: it is read from 96 kHz.
+    let hit: Vec<f32> = (0..960)
+        .map(|n| {
+            let x = (f64::from(n) - 480.0) / 96_000.0;
+            ((-(x * 6_000.0).powi(2)).exp() * (TAU * 2_000.0 * x).cos()) as f32
+        })
+        .collect();
+    studio.recording("hit.wav", 96_000, &hit);
+    let scene = |layout: &str| {
+        format!(
+            "duration = 0.4\n[air]\n[room]\nsize = [8, 4, 6]\norder = 2\ntail = false\n\
+             absorption = [0.1, 0.1, 0.2, 0.2, 0.3, 0.3, 0.4, 0.5]\n[listener]\nlayout = '{layout}'\nposition = [5, 1.7, 4]\n\
+             [[sound]]\nposition = [2, 1.2, 1.5]\nrecording = 'hit.wav'\nat = [0.1]\n"
+        )
+    };
+    for layout in ["mono", "binaural"] {
+        let facts = |rate_hz: u32| {
+            let sound = studio.scene(&scene(layout), Take::at(rate_hz)).unwrap();
+            let channel = sound.channel(sound.channels - 1);
+            let energy: f64 = channel.iter().map(|s| s * s).sum::<f64>() / f64::from(rate_hz);
+            let moment: f64 = channel.iter().enumerate().map(|(n, s)| n as f64 * s * s).sum();
+            (energy, moment / f64::from(rate_hz).powi(2) / energy)
+        };
+        let usual = facts(48_000);
+        for rate_hz in [44_100, 96_000, 192_000] {
+            let found = facts(rate_hz);
+            let level_db = 10.0 * (found.0 / usual.0).log10();
+            let samples = (found.1 - usual.1) * f64::from(rate_hz);
+            println!("{layout} at {rate_hz} Hz: {level_db:.3} dB, {samples:.2} samples");
+            assert!(level_db.abs() < 0.1 && samples.abs() < 1.0, "{layout} {rate_hz}: {level_db} {samples}");
+        }
+    }
+}
