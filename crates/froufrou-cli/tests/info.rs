@@ -280,6 +280,7 @@ fn scenes_are_checked_with_their_files() {
         [[contacts]]\nlog = \"log.csv\"\n\
         columns = { t = \"t\", a = \"a\", b = \"b\", position = [\"x\", \"y\", \"z\"], normal_force = \"F\" }\n";
     fs::write(&file, text).unwrap();
+    let findings_of = told;
     let told = told(&file);
     assert_eq!(
         (&told["kind"], &told["rate_hz"], &told["seed"]),
@@ -289,6 +290,19 @@ fn scenes_are_checked_with_their_files() {
     assert_eq!((&told["objects"][0]["name"], &told["sounds"][0]["object"]), (&"bee".into(), &"bee".into()));
     assert!(told["objects"][1]["bodies"].as_array().unwrap().len() > 1);
     assert!(told["motion_end_s"].as_f64().unwrap() >= 2.5);
+
+    assert_eq!((&told["room"], &told["planes"]), (&serde_json::Value::Null, &0.into()));
+
+    // A room of 5 by 3 by 4 m whose walls take 20 %: 24 ln 10 V / (c S (−ln 0.8)).
+    let hall = folder.path().join("hall.toml");
+    fs::write(&hall, "[room]\nsize = [5, 3, 4]\nabsorption = 0.2\norder = 3\n").unwrap();
+    let room = &findings_of(&hall)["room"];
+    assert_eq!((&room["images"], &room["order"]), (&62.into(), &3.into()));
+    let eyring_s = 24.0 * 10f64.ln() * 60.0 / (343.0 * 94.0 * -(0.8f64.ln()));
+    near(&room["reverberation_s"][4], eyring_s, 1e-9);
+    let text_of_hall = String::from_utf8(froufrou([Path::new("info"), &hall]).stdout).unwrap();
+    assert!(text_of_hall.contains("5 × 3 × 4 m, 62 images of a source"), "{text_of_hall}");
+    assert!(text_of_hall.contains("0.46, 0.46"), "{text_of_hall}");
 
     let refused = |text: &str| {
         fs::write(&file, text).unwrap();

@@ -6,7 +6,7 @@ mod damage;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use damage::{Bounds, Scratch, most_held, read_all, turn};
+use damage::{Bounds, Scratch, most_held, overwritten, read_all, turn};
 use froufrou::scene::animation::{Animation, Mesh, ObjectKind};
 use froufrou::scene::gltf::Gltf;
 use proptest::prelude::*;
@@ -422,16 +422,8 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn any_overwriting_ends_well(
-        name in prop::sample::select(&FIXTURES[..]),
-        places in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..20),
-    ) {
+    fn any_overwriting_ends_well(bytes in overwritten(&FIXTURES, fixture)) {
         let _turn = turn();
-        let mut bytes = fixture(name);
-        for (place, value) in places {
-            let index = place.index(bytes.len());
-            bytes[index] = value;
-        }
         let _ = scratch().try_bytes(&bytes);
     }
 

@@ -8,8 +8,7 @@ use std::f64::consts::TAU;
 use froufrou::scene::listener::Layout;
 use froufrou::space::ambisonic;
 use froufrou::space::head::Head;
-use realfft::RealFftPlanner;
-use studio::{Sound, Studio, Take};
+use studio::{Studio, Take};
 
 const RATE_HZ: u32 = 48_000;
 
@@ -27,10 +26,6 @@ fn still(layout: &str, [x, y, z]: [f64; 3]) -> String {
         "duration = 0.3\n[listener]\n{layout}\n\
          [[sound]]\nposition = [{x}, {y}, {z}]\nrecording = 'hit.wav'\nat = [0.1]\n"
     )
-}
-
-fn decibels(ratio: f64) -> f64 {
-    20.0 * ratio.log10()
 }
 
 #[test]
@@ -134,68 +129,21 @@ fn nothing_clicks_when_sources_pass_and_heads_turn() {
             ("turning", format!("duration = 2\n[listener]\n{layout}\n{turning}{standing}")),
         ] {
             let sound = studio.scene(&scene, Take::at(RATE_HZ)).unwrap();
-            let worst =
-                (0..sound.channels).map(|channel| splash_db(&sound, channel)).fold(f64::MIN, f64::max);
+            let worst = (0..sound.channels).map(|channel| sound.splash_db(channel)).fold(f64::MIN, f64::max);
             println!("{layout}, {name}: {worst:.1} dB");
             assert!(worst < -60.0, "{layout}, {name}: {worst:.1} dB");
         }
     }
 }
 
-/// What the loudest moment of a channel holds away from its tone, against the tone at its loudest, in decibels.
-fn splash_db(sound: &Sound, channel: usize) -> f64 {
-    const WINDOW: usize = 2048;
-    let samples = sound.channel(channel);
-    let mut planner = RealFftPlanner::<f64>::new();
-    let fft = planner.plan_fft_forward(WINDOW);
-    let mut spectrum = fft.make_output_vec();
-    let (mut tone, mut splash) = (0.0f64, 0.0f64);
-    // The beginning and the end fade, which is no click.
-    for begin in (4_800..samples.len() - 9_600).step_by(WINDOW / 4) {
-        // Blackman & Harris: side lobes of −92 dB.
-        let mut windowed: Vec<f64> = (0..WINDOW)
-            .map(|n| {
-                let angle = TAU * n as f64 / WINDOW as f64;
-                let weight = 0.35875 - 0.48829 * angle.cos() + 0.14128 * (2.0 * angle).cos()
-                    - 0.01168 * (3.0 * angle).cos();
-                weight * samples[begin + n]
-            })
-            .collect();
-        fft.process(&mut windowed, &mut spectrum).unwrap();
-        for (bin, value) in spectrum.iter().enumerate() {
-            let frequency_hz = bin as f64 * sound.rate_hz / WINDOW as f64;
-            if (800.0..1_200.0).contains(&frequency_hz) {
-                tone = tone.max(value.norm());
-            } else if !(500.0..=1_500.0).contains(&frequency_hz) {
-                splash = splash.max(value.norm());
-            }
-        }
-    }
-    if tone > 0.0 { decibels(splash / tone) } else { f64::MIN }
-}
-
 #[test]
 fn level_and_timing_do_not_depend_on_the_rate() {
     let studio = Studio::new();
-    // A band-limited hit, the same at every rate: it is read from 96 kHz.
-    let hit: Vec<f32> = (0..960)
-        .map(|n| {
-            let x = (f64::from(n) - 480.0) / 96_000.0;
-            ((-(x * 6_000.0).powi(2)).exp() * (TAU * 2_000.0 * x).cos()) as f32
-        })
-        .collect();
-    studio.recording("hit.wav", 96_000, &hit);
+    studio.band_limited_hit("hit.wav");
     for layout in layouts() {
         let facts = |rate_hz: u32| {
             let sound = studio.scene(&still(&layout, [1.2, 0.4, -0.9]), Take::at(rate_hz)).unwrap();
-            (0..sound.channels)
-                .map(|channel| {
-                    let samples = sound.channel(channel);
-                    let energy: f64 = samples.iter().map(|s| s * s).sum::<f64>() / f64::from(rate_hz);
-                    let moment: f64 = samples.iter().enumerate().map(|(n, s)| n as f64 * s * s).sum();
-                    (energy, moment / f64::from(rate_hz).powi(2) / energy)
-                })
-                .collect::<Vec<_>>()
+            (0..sound.channels).map(|channel| sound.energy_and_moment(channel)).collect::<Vec<_>>()
         };
         let usual = facts(48_000);
         let loudest = usual.iter().map(|fact| fact.0).fold(0.0, f64::max);
@@ -288,7 +236,7 @@ fn a_sound_within_the_head_is_as_it_is_and_leaves_it_without_a_click() {
         );
         let sound = studio.score(&score, Take::at(RATE_HZ)).unwrap();
         for ear in 0..2 {
-            let worst = splash_db(&sound, ear);
+            let worst = sound.splash_db(ear);
             assert!(worst < -60.0, "ear {ear}{shared}: {worst:.1} dB");
         }
     }

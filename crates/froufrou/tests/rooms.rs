@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use froufrou::space::bands::BANDS_HZ;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
-use studio::{Sound, Studio, Take, noise};
+use studio::{Studio, Take, noise};
 
 const RATE_HZ: u32 = 48_000;
 const SPEED_MPS: f64 = 343.0;
@@ -171,37 +171,10 @@ fn nothing_clicks_in_a_room() {
     studio.recording("tone.wav", RATE_HZ, &tone);
     for layout in ["mono", "binaural", "ambisonic-3"] {
         let sound = studio.scene(&flight(layout, "tone.wav"), Take::at(RATE_HZ)).unwrap();
-        let worst = (0..sound.channels).map(|channel| splash_db(&sound, channel)).fold(f64::MIN, f64::max);
+        let worst = (0..sound.channels).map(|channel| sound.splash_db(channel)).fold(f64::MIN, f64::max);
         println!("{layout}: {worst:.1} dB");
         assert!(worst < -60.0, "{layout}: {worst} dB");
     }
-}
-
-/// What the loudest moment of a channel holds away from its tone of 1 kHz, against the tone at its loudest.
-fn splash_db(sound: &Sound, channel: usize) -> f64 {
-    const WINDOW: usize = 2048;
-    let samples = sound.channel(channel);
-    let fft = RealFftPlanner::<f64>::new().plan_fft_forward(WINDOW);
-    let mut spectrum = fft.make_output_vec();
-    let (mut tone, mut splash) = (1e-30f64, 0.0f64);
-    for begin in (9_600..samples.len() - 14_400).step_by(WINDOW / 4) {
-        // Blackman & Harris: side lobes of −92 dB.
-        let weight = |n: usize| {
-            let angle = TAU * n as f64 / WINDOW as f64;
-            0.35875 - 0.48829 * angle.cos() + 0.14128 * (2.0 * angle).cos() - 0.01168 * (3.0 * angle).cos()
-        };
-        let mut windowed: Vec<f64> = (0..WINDOW).map(|n| weight(n) * samples[begin + n]).collect();
-        fft.process(&mut windowed, &mut spectrum).unwrap();
-        for (bin, value) in spectrum.iter().enumerate() {
-            let frequency_hz = bin as f64 * sound.rate_hz / WINDOW as f64;
-            if (800.0..1_200.0).contains(&frequency_hz) {
-                tone = tone.max(value.norm());
-            } else if !(500.0..=1_500.0).contains(&frequency_hz) {
-                splash = splash.max(value.norm());
-            }
-        }
-    }
-    20.0 * (splash / tone).log10()
 }
 
 #[test]
@@ -450,14 +423,7 @@ fn what_is_outside_is_not_heard_to_reverberate() {
 #[test]
 fn a_room_sounds_alike_at_every_rate() {
     let studio = Studio::new();
-    // A band-limited hit, the same at every rate: it is read from 96 kHz.
-    let hit: Vec<f32> = (0..960)
-        .map(|n| {
-            let x = (f64::from(n) - 480.0) / 96_000.0;
-            ((-(x * 6_000.0).powi(2)).exp() * (TAU * 2_000.0 * x).cos()) as f32
-        })
-        .collect();
-    studio.recording("hit.wav", 96_000, &hit);
+    studio.band_limited_hit("hit.wav");
     let scene = |layout: &str| {
         format!(
             "duration = 0.4\n[air]\n[room]\nsize = [8, 4, 6]\norder = 2\ntail = false\n\
@@ -468,10 +434,7 @@ fn a_room_sounds_alike_at_every_rate() {
     for layout in ["mono", "binaural"] {
         let facts = |rate_hz: u32| {
             let sound = studio.scene(&scene(layout), Take::at(rate_hz)).unwrap();
-            let channel = sound.channel(sound.channels - 1);
-            let energy: f64 = channel.iter().map(|s| s * s).sum::<f64>() / f64::from(rate_hz);
-            let moment: f64 = channel.iter().enumerate().map(|(n, s)| n as f64 * s * s).sum();
-            (energy, moment / f64::from(rate_hz).powi(2) / energy)
+            sound.energy_and_moment(sound.channels - 1)
         };
         let usual = facts(48_000);
         for rate_hz in [44_100, 96_000, 192_000] {

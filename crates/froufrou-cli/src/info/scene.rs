@@ -6,9 +6,10 @@ use std::path::Path;
 use froufrou::Result;
 use froufrou::scene::Scene;
 use froufrou::scene::contact_log::ContactLog;
-use froufrou::scene::file::{Emitter, Motion, Played, Timing};
+use froufrou::scene::file::{Emitter, Enclosing, Motion, Played, Timing};
 use froufrou::scene::world::World;
 use froufrou::score::Repeat;
+use froufrou::space::reverberation;
 use serde::Serialize;
 
 use super::Findings;
@@ -25,6 +26,10 @@ pub struct SceneFindings {
     speed_of_sound_mps: f64,
     microphones: Vec<MicrophoneFindings>,
     wind_mps: Option<[f64; 3]>,
+    /// Whether air takes from what is far.
+    air: bool,
+    room: Option<RoomFindings>,
+    planes: usize,
     instruments: Vec<InstrumentFindings>,
     materials: Vec<MaterialFindings>,
     objects: Vec<ObjectFindings>,
@@ -37,6 +42,47 @@ struct MicrophoneFindings {
     name: String,
     hears: String,
     carried_by: String,
+}
+
+#[derive(Serialize)]
+struct RoomFindings {
+    size_m: [f64; 3],
+    /// The order of reflections that are heard one by one.
+    order: usize,
+    /// How many images of each source that makes.
+    images: usize,
+    tail: bool,
+    /// The reverberation time of each octave band from 63 Hz to 8 kHz, by Eyring's formula; nothing where it has no
+    /// end.
+    reverberation_s: Vec<Option<f64>>,
+}
+
+impl RoomFindings {
+    fn of(scene: &Scene) -> Result<Option<Self>> {
+        let Some(Enclosing::Room(about)) = &scene.enclosing else { return Ok(None) };
+        let times_s = reverberation::eyring_s(&about.room, &scene.medium());
+        Ok(Some(Self {
+            size_m: about.room.size_m(),
+            order: about.order,
+            images: about.room.images(about.order)?.len() - 1,
+            tail: about.has_tail,
+            reverberation_s: times_s.iter().map(|&time_s| time_s.is_finite().then_some(time_s)).collect(),
+        }))
+    }
+
+    fn told(&self) -> String {
+        let [width, height, depth] = self.size_m.map(number);
+        let images = if self.images == 1 { "1 image".into() } else { format!("{} images", self.images) };
+        format!("{width} × {height} × {depth} m, {images} of a source")
+    }
+
+    fn reverberation(&self) -> Option<String> {
+        let short =
+            |time_s: f64| format!("{time_s:.2}").trim_end_matches('0').trim_end_matches('.').to_owned();
+        let times: Vec<String> =
+            self.reverberation_s.iter().map(|time_s| time_s.map_or_else(|| "∞".to_owned(), short)).collect();
+        self.tail.then(|| format!("{} s from 63 Hz to 8 kHz", times.join(", ")))
+    }
 }
 
 #[derive(Serialize)]
@@ -170,6 +216,12 @@ pub fn read(file: &Path, allow_outside: bool) -> Result<SceneFindings> {
             })
             .collect(),
         wind_mps: scene.wind.map(|wind| wind.velocity_mps),
+        air: scene.air.is_some(),
+        room: RoomFindings::of(&scene)?,
+        planes: match &scene.enclosing {
+            Some(Enclosing::Planes(planes)) => planes.len(),
+            _ => 0,
+        },
         instruments: scene
             .instruments
             .iter()
@@ -220,7 +272,11 @@ impl Findings for SceneFindings {
             .fact("seed", self.seed)
             .fact("duration", duration.unwrap_or_else(|| "until everything has ended and arrived".to_owned()))
             .fact("motion", format!("until {} s", number(self.motion_end_s)))
-            .fact("speed of sound", format!("{} m/s", number(self.speed_of_sound_mps)));
+            .fact("speed of sound", format!("{} m/s", number(self.speed_of_sound_mps)))
+            .fact_if("air", self.air.then_some("takes from what is far"))
+            .fact_if("room", self.room.as_ref().map(RoomFindings::told))
+            .fact_if("reverberation", self.room.as_ref().and_then(RoomFindings::reverberation))
+            .fact_if("planes", (self.planes > 0).then_some(self.planes));
         sheet.table(
             &["microphone", "hears", "carried by"],
             self.microphones.iter().map(|m| vec![m.name.clone(), m.hears.clone(), m.carried_by.clone()]),

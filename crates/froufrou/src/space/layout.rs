@@ -47,88 +47,48 @@ pub struct Layout {
     speakers: Vec<Loudspeaker>,
 }
 
-/// What stands where in the named layouts, in the order of the channel mask.
+/// Loudspeakers that stand together: names, azimuths and elevations.
 type Places = &'static [(&'static str, f64, f64)];
 
 /// The name of the channel for low frequencies.
 const LFE: &str = "lfe";
 
-const NAMED: [(&str, Places); 8] = [
-    ("mono", &[("mono", 0.0, 0.0)]),
-    ("stereo", &[("left", 30.0, 0.0), ("right", -30.0, 0.0)]),
+const PAIR: Places = &[("left", 30.0, 0.0), ("right", -30.0, 0.0)];
+const CENTER: Places = &[("center", 0.0, 0.0), (LFE, 0.0, 0.0)];
+const SIDES: Places = &[("side left", 110.0, 0.0), ("side right", -110.0, 0.0)];
+const BACKS_AND_SIDES: Places = &[
+    ("back left", 135.0, 0.0),
+    ("back right", -135.0, 0.0),
+    ("side left", 90.0, 0.0),
+    ("side right", -90.0, 0.0),
+];
+const TOP_FRONTS: Places = &[("top front left", 30.0, 30.0), ("top front right", -30.0, 30.0)];
+const TOP_BACKS: Places = &[("top back left", 110.0, 30.0), ("top back right", -110.0, 30.0)];
+const TOPS: Places = &[
+    ("top front left", 45.0, 30.0),
+    ("top front right", -45.0, 30.0),
+    ("top back left", 135.0, 30.0),
+    ("top back right", -135.0, 30.0),
+];
+
+/// What stands where in the named layouts, in the order of the channel mask.
+const NAMED: [(&str, &[Places]); 8] = [
+    ("mono", &[&[("mono", 0.0, 0.0)]]),
+    ("stereo", &[PAIR]),
     (
         "quad",
-        &[("left", 45.0, 0.0), ("right", -45.0, 0.0), ("back left", 135.0, 0.0), ("back right", -135.0, 0.0)],
-    ),
-    (
-        "5.1",
-        &[
-            ("left", 30.0, 0.0),
-            ("right", -30.0, 0.0),
-            ("center", 0.0, 0.0),
-            (LFE, 0.0, 0.0),
-            ("side left", 110.0, 0.0),
-            ("side right", -110.0, 0.0),
-        ],
-    ),
-    (
-        "7.1",
-        &[
-            ("left", 30.0, 0.0),
-            ("right", -30.0, 0.0),
-            ("center", 0.0, 0.0),
-            (LFE, 0.0, 0.0),
+        &[&[
+            ("left", 45.0, 0.0),
+            ("right", -45.0, 0.0),
             ("back left", 135.0, 0.0),
             ("back right", -135.0, 0.0),
-            ("side left", 90.0, 0.0),
-            ("side right", -90.0, 0.0),
-        ],
+        ]],
     ),
-    (
-        "5.1.2",
-        &[
-            ("left", 30.0, 0.0),
-            ("right", -30.0, 0.0),
-            ("center", 0.0, 0.0),
-            (LFE, 0.0, 0.0),
-            ("side left", 110.0, 0.0),
-            ("side right", -110.0, 0.0),
-            ("top front left", 30.0, 30.0),
-            ("top front right", -30.0, 30.0),
-        ],
-    ),
-    (
-        "5.1.4",
-        &[
-            ("left", 30.0, 0.0),
-            ("right", -30.0, 0.0),
-            ("center", 0.0, 0.0),
-            (LFE, 0.0, 0.0),
-            ("side left", 110.0, 0.0),
-            ("side right", -110.0, 0.0),
-            ("top front left", 30.0, 30.0),
-            ("top front right", -30.0, 30.0),
-            ("top back left", 110.0, 30.0),
-            ("top back right", -110.0, 30.0),
-        ],
-    ),
-    (
-        "7.1.4",
-        &[
-            ("left", 30.0, 0.0),
-            ("right", -30.0, 0.0),
-            ("center", 0.0, 0.0),
-            (LFE, 0.0, 0.0),
-            ("back left", 135.0, 0.0),
-            ("back right", -135.0, 0.0),
-            ("side left", 90.0, 0.0),
-            ("side right", -90.0, 0.0),
-            ("top front left", 45.0, 30.0),
-            ("top front right", -45.0, 30.0),
-            ("top back left", 135.0, 30.0),
-            ("top back right", -135.0, 30.0),
-        ],
-    ),
+    ("5.1", &[PAIR, CENTER, SIDES]),
+    ("7.1", &[PAIR, CENTER, BACKS_AND_SIDES]),
+    ("5.1.2", &[PAIR, CENTER, SIDES, TOP_FRONTS]),
+    ("5.1.4", &[PAIR, CENTER, SIDES, TOP_FRONTS, TOP_BACKS]),
+    ("7.1.4", &[PAIR, CENTER, BACKS_AND_SIDES, TOPS]),
 ];
 
 impl Layout {
@@ -167,7 +127,7 @@ impl Layout {
             is_lfe: name == LFE,
             ..Loudspeaker::new(name, azimuth_deg, elevation_deg)
         };
-        Ok(Self { speakers: places.iter().map(speaker).collect() })
+        Ok(Self { speakers: places.iter().copied().flatten().map(speaker).collect() })
     }
 
     /// The names of the layouts that have one.

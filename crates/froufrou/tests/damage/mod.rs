@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 pub use allocation::{most_held, turn};
 use froufrou::Error;
 use froufrou::scene::animation::{Animation, Mesh, ObjectKind};
+use proptest::prelude::*;
 
 /// Reads everything at a few times; the first error ends it, or else gives how many objects there are.
 pub fn read_all(animation: &dyn Animation) -> Result<usize, Error> {
@@ -88,4 +89,48 @@ impl Scratch {
     pub fn error(&self, bytes: impl AsRef<[u8]>) -> String {
         self.try_bytes(bytes.as_ref()).expect_err("this cannot be read").to_string()
     }
+}
+
+/// One of some files with some bytes overwritten.
+pub fn overwritten(
+    names: &'static [&'static str],
+    fixture: fn(&str) -> Vec<u8>,
+) -> impl Strategy<Value = Vec<u8>> {
+    let places = prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..20);
+    (prop::sample::select(names), places).prop_map(move |(name, places)| {
+        let mut bytes = fixture(name);
+        for (place, value) in places {
+            let index = place.index(bytes.len());
+            bytes[index] = value;
+        }
+        bytes
+    })
+}
+
+/// One of some files with a number of eight bytes overwritten, at a multiple of some bytes.
+pub fn renumbered(
+    names: &'static [&'static str],
+    fixture: fn(&str) -> Vec<u8>,
+    aligned: usize,
+) -> impl Strategy<Value = Vec<u8>> {
+    let value = prop_oneof![
+        Just(0_u64),
+        Just(1),
+        Just(u64::MAX),
+        Just(i64::MAX as u64),
+        Just(1 << 63),
+        Just((1 << 63) | 16),
+        Just(u64::from(u32::MAX)),
+        0_u64..20_000,
+        (0_u64..20_000).prop_map(|low| low | 1 << 63),
+        any::<u64>(),
+    ];
+    (prop::sample::select(names), any::<prop::sample::Index>(), value).prop_map(
+        move |(name, place, value)| {
+            let mut bytes = fixture(name);
+            let index = place.index((bytes.len() - 8) / aligned) * aligned;
+            bytes[index..index + 8].copy_from_slice(&value.to_le_bytes());
+            bytes
+        },
+    )
 }

@@ -2,6 +2,7 @@
 //! way from those to samples in memory.
 #![allow(dead_code)] // Each test program uses a part of it.
 
+use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 use froufrou::Result;
@@ -12,6 +13,7 @@ use froufrou::score::ChannelHeader;
 use froufrou::synth::mixer::{Begun, Mixer};
 use froufrou::synth::prototypes::Soundings;
 use froufrou::synth::receivers;
+use realfft::RealFftPlanner;
 use tempfile::TempDir;
 
 /// A folder that is gone when the test is over.
@@ -61,6 +63,46 @@ impl Sound {
     }
 }
 
+impl Sound {
+    /// The energy of a channel, and when on average it arrives, in seconds.
+    pub fn energy_and_moment(&self, channel: usize) -> (f64, f64) {
+        let samples = self.channel(channel);
+        let energy: f64 = samples.iter().map(|s| s * s).sum::<f64>() / self.rate_hz;
+        let moment: f64 = samples.iter().enumerate().map(|(n, s)| n as f64 * s * s).sum();
+        (energy, moment / self.rate_hz.powi(2) / energy)
+    }
+
+    /// What the loudest moment of a channel holds away from its tone of 1 kHz, against the tone at its loudest, in
+    /// decibels.
+    pub fn splash_db(&self, channel: usize) -> f64 {
+        const WINDOW: usize = 2048;
+        let samples = self.channel(channel);
+        let fft = RealFftPlanner::<f64>::new().plan_fft_forward(WINDOW);
+        let mut spectrum = fft.make_output_vec();
+        let (mut tone, mut splash) = (0.0f64, 0.0f64);
+        // The beginning and the end fade, which is no click.
+        for begin in (4_800..samples.len() - 9_600).step_by(WINDOW / 4) {
+            // Blackman & Harris: side lobes of −92 dB.
+            let weight = |n: usize| {
+                let angle = TAU * n as f64 / WINDOW as f64;
+                0.35875 - 0.48829 * angle.cos() + 0.14128 * (2.0 * angle).cos()
+                    - 0.01168 * (3.0 * angle).cos()
+            };
+            let mut windowed: Vec<f64> = (0..WINDOW).map(|n| weight(n) * samples[begin + n]).collect();
+            fft.process(&mut windowed, &mut spectrum).unwrap();
+            for (bin, value) in spectrum.iter().enumerate() {
+                let frequency_hz = bin as f64 * self.rate_hz / WINDOW as f64;
+                if (800.0..1_200.0).contains(&frequency_hz) {
+                    tone = tone.max(value.norm());
+                } else if !(500.0..=1_500.0).contains(&frequency_hz) {
+                    splash = splash.max(value.norm());
+                }
+            }
+        }
+        if tone > 0.0 { 20.0 * (splash / tone).log10() } else { f64::MIN }
+    }
+}
+
 impl Studio {
     pub fn new() -> Self {
         Self { folder: tempfile::tempdir().unwrap() }
@@ -73,6 +115,17 @@ impl Studio {
     /// Writes a mono recording of 32-bit floats.
     pub fn recording(&self, name: &str, rate_hz: u32, samples: &[f32]) {
         write_wav(&self.path(name), rate_hz, 1, samples);
+    }
+
+    /// Writes a short hit that no sampling rate cuts off: the same at every rate that it is read at.
+    pub fn band_limited_hit(&self, name: &str) {
+        let hit: Vec<f32> = (0..960)
+            .map(|n| {
+                let x = (f64::from(n) - 480.0) / 96_000.0;
+                ((-(x * 6_000.0).powi(2)).exp() * (TAU * 2_000.0 * x).cos()) as f32
+            })
+            .collect();
+        self.recording(name, 96_000, &hit);
     }
 
     pub fn file(&self, name: &str, text: &str) -> PathBuf {
