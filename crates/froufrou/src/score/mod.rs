@@ -199,7 +199,7 @@ pub struct Header<R> {
     pub duration_s: Option<f64>,
     /// What all that is random in synthesised sounds follows from.
     pub seed: u64,
-    /// Object space: the scene whose bodies reflect and hide sounds, as a path relative to the folder
+    /// Object space: the scene whose bodies, walls and air do something to sounds, as a path relative to the folder
     /// of the score.
     pub surroundings: Option<String>,
     /// Object space: how sources radiate into different directions.
