@@ -7,9 +7,11 @@
 //! `hear` counts directions: filters, delays and gains of both ears, for the sphere and for sets. `FROUFROU_DATA`
 //! names the folder of test data; where a set is not there, a small one of our own is asked. `open` reads a set
 //! and makes its filters at 48 kHz.
-
-//! `shared_head` and `full_head` count voice-seconds: moving voices that one head hears at 48 kHz, all the way from keys
-//! to samples of both ears, by way of a shared bus or with filters of their own. 10⁹ / (48 000 × items/s) is
+//!
+//! `shared_head`, `full_head`, `measured_head`, `coloured` and `coloured_head` count voice-seconds: moving voices that one head hears at 48 kHz, all the way from keys
+//! to samples of both ears: by way of a shared bus, or with filters of their own that are the sphere's (109 taps), a
+//! measured set's (603 taps), those of a room's octave bands into one channel (961 taps), and the set's with the
+//! room's (1563 taps). 10⁹ / (48 000 × items/s) is
 //! nanoseconds a voice and sample.
 
 use std::path::{Path, PathBuf};
@@ -67,7 +69,7 @@ fn open(bencher: Bencher, name: &str) {
 }
 
 /// A second of voices that circle the head at different speeds and distances, with 25 keys a second.
-fn lines(voices: u64) -> Vec<ChannelLine> {
+fn lines(voices: u64, has_places: bool, has_colours: bool) -> Vec<ChannelLine> {
     let mut lines = Vec::new();
     for key in 0..=30u64 {
         for thread in 0..voices {
@@ -89,22 +91,24 @@ fn lines(voices: u64) -> Vec<ChannelLine> {
                 30 => Verb::End,
                 _ => Verb::Key,
             };
-            let value = vec![Arrival { from_m: Some(from_m), ..arrival }];
+            // As walls of plaster and air dull it, more and more.
+            let bands = std::array::from_fn(|band| (0.9 - 0.001 * key as f64).powi(1 + band as i32));
+            let bands = has_colours.then_some(bands);
+            let value = vec![Arrival { from_m: has_places.then_some(from_m), bands, ..arrival }];
             lines.push(ChannelLine::Thread(Statement { thread, path: 0, time_s, verb, value }));
         }
     }
     lines
 }
 
-fn voices(bencher: Bencher, voices: u64, shared: bool) {
+fn voices(bencher: Bencher, voices: u64, output: Output, has_colours: bool) {
     let random = froufrou::random::Random::new(1, 0);
     let samples = (0..96_000).map(|i| (random.uniform(i) * 2.0 - 1.0) as f32).collect();
     let noise = Prototype { samples, rate_hz: RATE_HZ, looped: true };
-    let ears = ["left".to_owned(), "right".to_owned()];
-    let output = Output::Head { ears, head: None, shared };
+    let (has_places, channels) = (matches!(output, Output::Head { .. }), output.channels().len());
     let header = Header::new(Order::Time, vec![output]);
-    let receivers = receivers::load(&header, Path::new(""), 48_000).expect("a sphere");
-    let lines = lines(voices);
+    let receivers = receivers::load(&header, Path::new(""), 48_000).expect("a head");
+    let lines = lines(voices, has_places, has_colours);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     let extent = Extent { rate_hz: 48_000, from_s: 0.0, to_s: Some(1.0), duration_s: None };
     bencher.counter(ItemsCount::new(voices)).with_inputs(|| lines.clone()).bench_local_values(|lines| {
@@ -112,7 +116,7 @@ fn voices(bencher: Bencher, voices: u64, shared: bool) {
         let lines = lines.into_iter().map(Ok);
         let mut mixer = Mixer::new(48_000, receivers.clone(), sounds, lines).expect("a score");
         pool.install(|| {
-            offline::render(&mut mixer, 2, &extent, false, |piece| {
+            offline::render(&mut mixer, channels, &extent, false, |piece| {
                 black_box(piece.mix);
                 Ok(())
             })
@@ -120,12 +124,32 @@ fn voices(bencher: Bencher, voices: u64, shared: bool) {
     });
 }
 
+fn head(measured: bool, shared: bool) -> Output {
+    let file = measured.then(|| path(SETS[0]).to_string_lossy().into_owned());
+    Output::Head { ears: ["left".to_owned(), "right".to_owned()], head: file, shared }
+}
+
 #[divan::bench(args = [16, 256, 1000], sample_count = 5)]
 fn shared_head(bencher: Bencher, count: u64) {
-    voices(bencher, count, true);
+    voices(bencher, count, head(false, true), false);
 }
 
 #[divan::bench(args = [16, 256, 1000], sample_count = 3)]
 fn full_head(bencher: Bencher, count: u64) {
-    voices(bencher, count, false);
+    voices(bencher, count, head(false, false), false);
+}
+
+#[divan::bench(args = [16, 256], sample_count = 3)]
+fn measured_head(bencher: Bencher, count: u64) {
+    voices(bencher, count, head(true, false), false);
+}
+
+#[divan::bench(args = [16, 256], sample_count = 3)]
+fn coloured(bencher: Bencher, count: u64) {
+    voices(bencher, count, Output::Channel("microphone".to_owned()), true);
+}
+
+#[divan::bench(args = [16, 64], sample_count = 3)]
+fn coloured_head(bencher: Bencher, count: u64) {
+    voices(bencher, count, head(true, false), true);
 }

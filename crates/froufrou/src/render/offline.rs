@@ -13,8 +13,11 @@ use crate::{Error, Result};
 /// Frames that one core renders at a time.
 pub(super) const BLOCK_FRAMES: usize = 1024;
 
-/// Blocks between two looks at the score. Memory grows with this, not with the soundtrack.
+/// Blocks between two looks at the score, at most. Memory grows with this, not with the soundtrack.
 const BLOCKS: usize = 64;
+
+/// And so many, times the paths that sound: what each passes is kept for all of them.
+const PATH_BLOCKS: usize = 4096;
 
 /// What part of a soundtrack to render.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,6 +92,11 @@ where
             to = to.max(next).min(mixed_from);
             mixer.skip_to(to)?
         } else {
+            mixer.read_to(to.min(at + BLOCK_FRAMES as u64))?;
+            // Enough for all cores to have something to do.
+            let least = (2 * rayon::current_num_threads()).min(BLOCKS);
+            let blocks = (PATH_BLOCKS / mixer.threads().max(1)).clamp(least, BLOCKS);
+            to = to.min(at + (blocks * BLOCK_FRAMES) as u64);
             mixer.read_to(to)?
         }
         let arrived = mixer.is_read().then(|| first_frame(mixer.last_arrival_s(), rate_hz));

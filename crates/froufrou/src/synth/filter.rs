@@ -1,36 +1,75 @@
-//! What a path does to the colour of a sound: a short filter that may change along the path.
+//! What a path does to the colour of a sound: a filter that may change along the path.
 //!
 //! A filter is applied to what goes in: the sample that arrives at a moment is spread over the samples from
-//! there on by the filter of that moment. So the filter may change from sample to sample, pieces of a path
-//! add up however they are cut, and no sample of the output depends on where a block begins.
+//! there on by the filter of that moment. So the filter may change from sample to sample, and pieces of a path
+//! add up however they are cut, but for rounding; [`stretch`](super::stretch) cuts them where no block matters.
+//!
+//! Short filters are multiplied tap by tap, long ones by FFT:
+//!
+//! | quantity | value |
+//! | --- | --- |
+//! | error of the FFT | below −130 dB of the output's root mean square |
+//! | cost | `cargo bench -p froufrou --bench head` |
+//! | memory | 4 bytes a tap, and while it sounds 4 bytes a sample of each size of FFT that it is used with |
 
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rustfft::num_complex::Complex32;
 
 use super::path::UNFILTERED;
+use super::spectrum::{self, Transform, add_product};
 use crate::space::bands::Bands;
 
 /// A finite impulse response.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Filter {
-    /// Its samples.
-    pub taps: Box<[f32]>,
-    /// How many of them come before the moment of arrival.
-    pub lead: usize,
+    taps: Box<[f32]>,
+    lead: usize,
+    /// What it is for the sizes of FFT that were asked for.
+    spectra: Mutex<Vec<(usize, Arc<[Complex32]>)>>,
 }
 
 impl Filter {
+    /// A filter of these samples, `lead` of which come before the moment of arrival.
+    pub(crate) fn new(taps: impl Into<Box<[f32]>>, lead: usize) -> Self {
+        Self { taps: taps.into(), lead, spectra: Mutex::default() }
+    }
+
     /// The filter that changes nothing.
     pub(crate) fn identity() -> Self {
-        Self { taps: [1.0].into(), lead: 0 }
+        Self::new([1.0], 0)
     }
 
     /// The filter that does what this one does and then another.
     pub(crate) fn then(&self, other: &Filter) -> Self {
-        let mut taps = vec![0.0; self.taps.len() + other.taps.len() - 1];
-        let (long, short) = if self.taps.len() < other.taps.len() { (other, self) } else { (self, other) };
-        let long = Filter { taps: long.taps.clone(), lead: 0 };
-        add_filtered(&short.taps, 0, &long, &mut taps, 0);
-        Self { taps: taps.into(), lead: self.lead + other.lead }
+        let taps = convolve(&[(&self.taps, other)], &mut Memory::default());
+        Self::new(taps, self.lead + other.lead)
+    }
+
+    /// Its spectrum for a size of FFT, found once; what the way back multiplies by is divided out.
+    fn spectrum(&self, size: usize, memory: &mut spectrum::Memory) -> Arc<[Complex32]> {
+        let known = || self.spectra.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, bins)) = known().iter().find(|(known, _)| *known == size) {
+            return bins.clone();
+        }
+        let transform = Transform::of(size);
+        let mut samples = vec![0.0; transform.samples()];
+        let scale = 2.0 / samples.len() as f32;
+        let (before, behind) = self.taps.split_at(self.lead.min(self.taps.len()));
+        samples.iter_mut().zip(behind).for_each(|(sample, tap)| *sample = tap * scale);
+        // Before the beginning is at the end with the sign changed.
+        let end = samples.len() - self.lead;
+        samples[end..].iter_mut().zip(before).for_each(|(sample, tap)| *sample = -tap * scale);
+        let mut bins = Vec::new();
+        transform.forward(&samples, &mut bins, memory);
+        let bins: Arc<[Complex32]> = bins.into();
+        let mut known = known();
+        // Others may have found the same meanwhile.
+        if !known.iter().any(|(known, _)| *known == size) {
+            known.push((size, bins.clone()));
+        }
+        bins
     }
 
     /// How many frames it makes what arrives heard before and behind its time.
@@ -40,7 +79,7 @@ impl Filter {
 }
 
 /// The filters of a path, and how it is spread over the lanes of a bus, by numbers.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub(crate) struct Filters {
     filters: Numbered<Filter>,
     spreads: Numbered<Box<[f32]>>,
@@ -112,7 +151,7 @@ impl Filters {
 }
 
 /// Things whose numbers count up; those with low numbers are forgotten.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 struct Numbered<T> {
     first: u32,
     kept: VecDeque<T>,
@@ -143,27 +182,110 @@ impl<T> Numbered<T> {
     }
 }
 
-/// Adds what a filter makes of samples to a block.
-///
-/// The first of `input` arrives at frame `input_frame`; `out` holds the frames from `out_frame` on. What falls
-/// outside of it is left out. The samples of `input` come in the same order to every sample of the output.
-pub(crate) fn add_filtered(
-    input: &[f32],
-    input_frame: u64,
-    filter: &Filter,
-    out: &mut [f32],
-    out_frame: u64,
-) {
-    // The vector unit of the machine is chosen here; each sum is made in one fixed order.
-    pulp::Arch::new().dispatch(Spreading { input, input_frame, filter, out, out_frame });
+/// Filters and inputs shorter than this are multiplied tap by tap. Both ways cost the same at 16 taps and many
+/// frames, and at 60 taps and as many frames.
+const DIRECT: usize = 32;
+
+/// Into pieces of at most so many frames what passes short filters is cut.
+const DIRECT_PIECE: usize = 1024;
+
+/// No FFT of a piece is shorter than this where a longer one costs less.
+const LONGEST_OF_SHORT: usize = 1024;
+
+/// Into pieces of how many frames so many are cut that pass filters which together reach so far: the last may be
+/// shorter. It is what costs least.
+pub(super) fn piece(count: u64, reach: usize) -> usize {
+    if reach < DIRECT {
+        return DIRECT_PIECE;
+    }
+    let cost = |samples: usize| {
+        let pieces = count.max(1).div_ceil((samples + 1 - reach) as u64);
+        // The FFTs, and what goes with each sample.
+        let cost = pieces as f64 * samples as f64 * (f64::from(samples as u32).log2() + 4.0);
+        (cost, count.max(1).div_ceil(pieces) as usize)
+    };
+    let costs = spectrum::sizes(reach, longest(reach)).map(|(_, samples)| cost(samples));
+    costs.min_by(|(a, _), (b, _)| a.total_cmp(b)).map_or(DIRECT_PIECE, |(_, length)| length)
 }
 
+/// No piece of what passes filters that reach so far is longer.
+pub(super) fn longest(reach: usize) -> usize {
+    (2 * reach).next_power_of_two().max(LONGEST_OF_SHORT)
+}
+
+/// Memory that filters use again and again.
+#[derive(Default)]
+pub(crate) struct Memory {
+    bins: Vec<Complex32>,
+    sum: Vec<Complex32>,
+    samples: Vec<f32>,
+    fft: spectrum::Memory,
+}
+
+/// All that filters make of inputs, one each and all of one length, added up. It begins before the inputs by the
+/// longest lead, and is longer than they are by one less than the longest lead and the longest rest together.
+///
+/// It depends on the inputs and filters alone, not on what the memory was used for.
+pub(crate) fn convolve(passing: &[(&[f32], &Filter)], memory: &mut Memory) -> Vec<f32> {
+    let count = passing.first().map_or(0, |(input, _)| input.len());
+    let [lead, tail] = reach(passing.iter().map(|(_, filter)| *filter));
+    let mut out = vec![0.0; (count + lead + tail).saturating_sub(1)];
+    let by_fft = count.min(lead + tail) >= DIRECT;
+    match by_fft.then(|| spectrum::sizes(out.len(), usize::MAX).next()).flatten() {
+        Some((size, _)) => transformed(passing, size, lead, &mut out, memory),
+        None => spread_all(passing, lead, &mut out),
+    }
+    out
+}
+
+/// Whether anything is to be heard of an input.
+fn sounds((input, _): &&(&[f32], &Filter)) -> bool {
+    input.iter().any(|sample| *sample != 0.0)
+}
+
+/// Tap by tap.
+fn spread_all(passing: &[(&[f32], &Filter)], lead: usize, out: &mut [f32]) {
+    for (input, filter) in passing.iter().filter(sounds) {
+        let begin = lead - filter.lead;
+        let end = begin + (input.len() + filter.taps.len()).saturating_sub(1);
+        // The vector unit of the machine is chosen here; each sum is made in one fixed order.
+        pulp::Arch::new().dispatch(Spreading { input, taps: &filter.taps, out: &mut out[begin..end] });
+    }
+}
+
+/// By FFT of a size for at least as many samples as come out.
+fn transformed(
+    passing: &[(&[f32], &Filter)],
+    size: usize,
+    lead: usize,
+    out: &mut [f32],
+    memory: &mut Memory,
+) {
+    let Memory { bins, sum, samples, fft } = memory;
+    let transform = Transform::of(size);
+    sum.clear();
+    sum.resize(transform.samples() / 2, Complex32::new(0.0, 0.0));
+    for (input, filter) in passing.iter().filter(sounds) {
+        transform.forward(input, bins, fft);
+        add_product(sum, bins, &filter.spectrum(size, fft));
+    }
+    transform.inverse(sum, samples, fft);
+    let (before, behind) = out.split_at_mut(lead);
+    let end = samples.len() - lead;
+    before.iter_mut().zip(&samples[end..]).for_each(|(out, sample)| *out = -sample);
+    behind.iter_mut().zip(&*samples).for_each(|(out, sample)| *out = *sample);
+}
+
+/// How many frames filters together make what arrives heard before and behind its time.
+pub(super) fn reach<'a>(filters: impl Iterator<Item = &'a Filter>) -> [usize; 2] {
+    filters.map(Filter::reach).fold([0; 2], |[a, b], [lead, tail]| [a.max(lead), b.max(tail)])
+}
+
+/// Adds a filter's taps for each sample of the input, the first of them first to each sum.
 struct Spreading<'a> {
     input: &'a [f32],
-    input_frame: u64,
-    filter: &'a Filter,
+    taps: &'a [f32],
     out: &'a mut [f32],
-    out_frame: u64,
 }
 
 /// Samples of the input that are spread at a time.
@@ -174,31 +296,18 @@ impl pulp::WithSimd for Spreading<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Self { input, input_frame, filter: Filter { taps, lead }, out, out_frame } = self;
-        // Where in `out` the first tap of the first sample falls.
-        let origin = input_frame as i64 - *lead as i64 - out_frame as i64;
-        let length = taps.len() as i64;
+        let Self { input, taps, out } = self;
         let mut at = 0;
         while at < input.len() {
-            let begin = origin + at as i64;
-            // Where several whole filters fall within the block they are added in one go.
-            if at + TOGETHER <= input.len()
-                && length >= TOGETHER as i64
-                && begin >= 0
-                && begin + length + TOGETHER as i64 - 1 <= out.len() as i64
-            {
-                let begin = begin as usize;
-                let samples: [f32; TOGETHER] = std::array::from_fn(|n| input[at + n]);
-                spread_together(samples, taps, &mut out[begin..begin + taps.len() + TOGETHER - 1]);
-                at += TOGETHER;
-            } else {
-                let from = (-begin).clamp(0, length);
-                let to = (out.len() as i64 - begin).clamp(from, length);
-                let (first, last) = ((begin + from) as usize, (begin + to) as usize);
-                if first < last {
-                    spread(input[at], &taps[from as usize..to as usize], &mut out[first..last]);
+            match input[at..].first_chunk::<TOGETHER>() {
+                Some(samples) if taps.len() >= TOGETHER => {
+                    spread_together(*samples, taps, &mut out[at..at + taps.len() + TOGETHER - 1]);
+                    at += TOGETHER;
                 }
-                at += 1;
+                _ => {
+                    spread(input[at], taps, &mut out[at..at + taps.len()]);
+                    at += 1;
+                }
             }
         }
     }
@@ -248,52 +357,117 @@ mod tests {
         (0..count as u64).map(|n| random.uniform(n) as f32 - 0.5).collect()
     }
 
+    /// What filters make of inputs, by definition, and how loud its loudest sample is.
+    fn expected(passing: &[(&[f32], &Filter)]) -> Vec<f64> {
+        let [lead, tail] = reach(passing.iter().map(|(_, filter)| *filter));
+        let mut out = vec![0.0; passing[0].0.len() + lead + tail - 1];
+        for (input, filter) in passing {
+            for (n, sample) in input.iter().enumerate() {
+                for (k, tap) in filter.taps.iter().enumerate() {
+                    out[lead - filter.lead + n + k] += f64::from(*sample) * f64::from(*tap);
+                }
+            }
+        }
+        out
+    }
+
+    /// How far below the root mean square of the output the greatest error is, in decibels.
+    fn error_db(found: &[f32], expected: &[f64]) -> f64 {
+        assert_eq!(found.len(), expected.len());
+        let square: f64 = expected.iter().map(|e| e * e).sum::<f64>() / expected.len() as f64;
+        let worst = found.iter().zip(expected).map(|(f, e)| (f64::from(*f) - e).abs()).fold(0.0, f64::max);
+        20.0 * (worst / square.sqrt()).log10()
+    }
+
     #[test]
     fn it_is_a_convolution() {
-        for (taps, lead) in [(1, 0), (5, 2), (8, 0), (97, 40), (200, 0)] {
-            let filter = Filter { taps: noise(1, taps).into(), lead };
-            let input = noise(2, 300);
-            let mut out = vec![0.0; 600];
-            add_filtered(&input, 100, &filter, &mut out, 0);
-            for (n, &found) in out.iter().enumerate() {
-                let sum: f64 = (0..taps)
-                    .filter_map(|k| {
-                        let m = (n + lead).checked_sub(k + 100)?;
-                        Some(f64::from(*input.get(m)?) * f64::from(filter.taps[k]))
-                    })
-                    .sum();
-                assert!((f64::from(found) - sum).abs() < 1e-5, "{taps} {lead} {n}: {found} {sum}");
+        let mut memory = Memory::default();
+        for (taps, lead) in
+            [(1, 0), (5, 2), (8, 0), (31, 9), (32, 0), (97, 40), (200, 0), (603, 24), (961, 480), (5000, 7)]
+        {
+            for count in [1, 7, 8, 31, 32, 300, 934, 1446] {
+                let filter = Filter::new(noise(1, taps), lead);
+                let input = noise(2, count);
+                let found = convolve(&[(&input, &filter)], &mut memory);
+                let error_db = error_db(&found, &expected(&[(&input, &filter)]));
+                assert!(error_db < -115.0, "{taps} {lead} {count}: {error_db}");
             }
         }
     }
 
     #[test]
-    fn a_part_alone_is_that_part_of_the_whole() {
-        let filter = Filter { taps: noise(1, 61).into(), lead: 7 };
-        let input = noise(2, 300);
-        let mut whole = vec![0.0; 400];
-        add_filtered(&input, 10, &filter, &mut whole, 0);
-        for (from, to) in [(0, 400), (3, 4), (90, 131), (17, 350), (250, 400)] {
-            let mut part = vec![0.0; to - from];
-            // And with the input in two pieces.
-            add_filtered(&input[..123], 10, &filter, &mut part, from as u64);
-            add_filtered(&input[123..], 133, &filter, &mut part, from as u64);
-            assert_eq!(part, whole[from..to]);
+    fn two_inputs_through_two_filters_are_added() {
+        let mut memory = Memory::default();
+        for [(a, a_lead), (b, b_lead)] in [
+            [(1, 0), (5, 2)],
+            [(1, 0), (603, 24)],
+            [(603, 24), (603, 24)],
+            [(1563, 504), (603, 24)],
+            [(80, 3), (961, 480)],
+        ] {
+            let (first, second) = (Filter::new(noise(1, a), a_lead), Filter::new(noise(2, b), b_lead));
+            for count in [1, 100, 800] {
+                let (fading, rising) = (noise(3, count), noise(4, count));
+                let passing = [(&fading[..], &first), (&rising[..], &second)];
+                let found = convolve(&passing, &mut memory);
+                let error_db = error_db(&found, &expected(&passing));
+                assert!(error_db < -115.0, "{a} {b} {count}: {error_db}");
+                // What the memory was used for before does not matter.
+                assert_eq!(found, convolve(&passing, &mut Memory::default()));
+            }
         }
     }
 
     #[test]
+    fn a_fall_from_loud_to_soft_is_right_to_110_db() {
+        // A head's response: noise that falls by 80 dB, heard from a sound that does so too.
+        let decay = |thread, count: usize| -> Vec<f32> {
+            let fall = |n: usize| 10f32.powf(-4.0 * n as f32 / count as f32);
+            noise(thread, count).iter().enumerate().map(|(n, sample)| sample * fall(n)).collect()
+        };
+        let (filter, input) = (Filter::new(decay(1, 603), 24), decay(2, 900));
+        let passing = [(&input[..], &filter)];
+        let (found, expected) = (convolve(&passing, &mut Memory::default()), expected(&passing));
+        let [error, all] = [true, false].map(|is_error| {
+            let squares =
+                found.iter().zip(&expected).map(|(f, e)| if is_error { f64::from(*f) - e } else { *e });
+            squares.map(|e| e * e).sum::<f64>()
+        });
+        assert!(10.0 * (error / all).log10() < -125.0, "{}", 10.0 * (error / all).log10());
+    }
+
+    #[test]
+    fn silence_stays_silent_to_the_last_bit() {
+        let filter = Filter::new(noise(1, 603), 24);
+        assert!(convolve(&[(&[0.0; 900], &filter)], &mut Memory::default()).iter().all(|s| *s == 0.0));
+        assert!(convolve(&[], &mut Memory::default()).is_empty());
+    }
+
+    #[test]
+    fn pieces_fit_what_is_cut_and_cost_the_least() {
+        for reach in [1, 31, 32, 109, 603, 961, 1563, 20_000] {
+            for count in [1, 100, 479, 800, 1920, 48_000, 1 << 40] {
+                let length = piece(count, reach);
+                assert!((1..=longest(reach)).contains(&length), "{reach} {count}: {length}");
+            }
+        }
+        // Keys sixty times a second are one piece each.
+        assert_eq!(piece(800, 603), 800);
+        // A whole number of pieces, none much shorter than the others.
+        assert!(4 * piece(4800, 603) >= 4800);
+    }
+
+    #[test]
     fn two_filters_make_one() {
-        let (first, second) =
-            (Filter { taps: noise(1, 61).into(), lead: 7 }, Filter { taps: noise(2, 200).into(), lead: 90 });
+        let (first, second) = (Filter::new(noise(1, 61), 7), Filter::new(noise(2, 200), 90));
         let input = noise(3, 300);
-        let (mut between, mut twice, mut once) = (vec![0.0; 800], vec![0.0; 800], vec![0.0; 800]);
-        add_filtered(&input, 200, &first, &mut between, 0);
-        add_filtered(&between, 0, &second, &mut twice, 0);
+        let through = |input: &[f32], filter: &Filter| convolve(&[(input, filter)], &mut Memory::default());
+        let between = through(&input, &first);
+        let twice = through(&between, &second);
         for both in [first.then(&second), second.then(&first)] {
             assert_eq!((both.taps.len(), both.lead), (260, 97));
-            once.fill(0.0);
-            add_filtered(&input, 200, &both, &mut once, 0);
+            let once = through(&input, &both);
+            assert_eq!(once.len(), twice.len());
             assert!(once.iter().zip(&twice).all(|(a, b)| (a - b).abs() < 1e-3), "of about 30");
         }
         assert_eq!(first.then(&Filter::identity()).taps, first.taps);
@@ -302,7 +476,7 @@ mod tests {
     #[test]
     fn filters_are_kept_as_long_as_they_are_needed() {
         let mut filters = Filters::default();
-        let filter = |value| Filter { taps: vec![value].into(), lead: 0 };
+        let filter = |value: f32| Filter::new([value], 0);
         let numbers: Vec<u32> = (0..5).map(|n| filters.push(filter(n as f32))).collect();
         assert_eq!(numbers, [0, 1, 2, 3, 4]);
         filters.release([UNFILTERED, 3, 4].into_iter().map(|filter| [filter, UNFILTERED]));

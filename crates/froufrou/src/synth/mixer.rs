@@ -13,12 +13,13 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::bus::{Bus, LaneBlock, Spreading};
-use super::filter::{ChannelPassage, Filter, Filters, Passage, add_filtered};
+use super::filter::{self, ChannelPassage, Filter, Filters, Passage};
 use super::instrument::Instrument;
 use super::path::{PathBuilder, PathKey, Segment, UNFILTERED, UNSPREAD};
 use super::receivers::{self, Receiver};
 use super::sinc;
 use super::source::Source;
+use super::stretch::{self, Passing, Stretch};
 use super::voice::{self, Playback, Prototype, Signal};
 use crate::random::Random;
 use crate::score::{Arrival, ChannelLine, Cue, LATEST_S, LONGEST_DELAY_S, Start, Statement, Verb};
@@ -69,7 +70,7 @@ struct Thread {
     object: usize,
     /// One path a channel or bus: see [`Receiver::paths`].
     builders: Vec<PathBuilder>,
-    segments: Vec<Vec<Segment>>,
+    stretches: Vec<Vec<Stretch>>,
     /// What its segments pass.
     filters: Filters,
     ended: bool,
@@ -79,6 +80,11 @@ struct Thread {
 }
 
 impl Thread {
+    /// What is known of all its paths.
+    fn segments(&self) -> impl Iterator<Item = &Segment> {
+        self.stretches.iter().flatten().map(|stretch| &stretch.segment)
+    }
+
     /// The arrival time up to which every channel's path is known.
     fn known_s(&self) -> f64 {
         if self.ended {
@@ -89,14 +95,14 @@ impl Thread {
 
     /// The latest emission time that is heard before an arrival time, as far as the paths are known.
     fn emitted_before_s(&self, arrival_s: f64) -> Option<f64> {
-        let heard = self.segments.iter().flatten().filter(|segment| segment.begin_s < arrival_s);
+        let heard = self.segments().filter(|segment| segment.begin_s < arrival_s);
         let latest = heard.map(|segment| segment.emission_s(segment.end_s.min(arrival_s)));
         latest.max_by(f64::total_cmp)
     }
 
     /// The earliest emission time that is heard from an arrival time on.
     fn emitted_from_s(&self, arrival_s: f64) -> f64 {
-        let known = self.segments.iter().flatten().filter(|segment| segment.end_s > arrival_s);
+        let known = self.segments().filter(|segment| segment.end_s > arrival_s);
         let known = known.map(|segment| segment.emission_s(segment.begin_s.max(arrival_s)));
         let coming = self.builders.iter().filter(|_| !self.ended).map(PathBuilder::coming_s);
         known.chain(coming).fold(f64::INFINITY, f64::min)
@@ -148,6 +154,8 @@ pub struct Voices {
     /// For so many frames a filter makes what arrives heard before and after its time.
     lead: usize,
     tail: usize,
+    /// What passes filters is read in pieces of at most so many frames, each whole.
+    piece: usize,
     sounds: Vec<Sounding>,
     threads: BTreeMap<(u64, u32), Thread>,
     /// The signals of the threads that are synthesised.
@@ -172,23 +180,21 @@ impl Voices {
         for (&(id, _), thread) in &self.threads {
             let Some(signal) = self.signal(id, thread.sound) else { continue };
             let groups = self.runs.iter().flat_map(|(paths, first)| {
-                let all = &thread.segments[paths.clone()];
+                let all = &thread.stretches[paths.clone()];
                 // Channels that differ in their gains alone hear one reading.
                 let groups = all.chunk_by(|a, b| are_alike(a, b));
                 groups.map(move |group| (first + offset_of(all, group), group))
             });
             for (first_channel, group) in groups {
-                for (index, segment) in group[0].iter().enumerate() {
-                    let gains = || group.iter().map(|segments| segments[index].gain);
+                for (index, stretch) in group[0].iter().enumerate() {
+                    let segment = &stretch.segment;
+                    let gains = || group.iter().map(|stretches| stretches[index].segment.gain);
                     if segment.begin_s >= end_s || segment.end_s <= begin_s || gains().all(|g| g == [0.0; 2])
                     {
                         continue;
                     }
-                    let read = match group.len() {
-                        1 => *segment,
-                        _ => Segment { gain: [1.0; 2], ..*segment },
-                    };
-                    let touched = self.add_segment(thread, signal, &read, frame, &mut scratch);
+                    let gain = if group.len() == 1 { segment.gain } else { [1.0; 2] };
+                    let touched = self.add_stretch(thread, signal, stretch, gain, frame, &mut scratch);
                     let part = &mut scratch.voice[touched.clone()];
                     for (channel, gain) in gains().enumerate().filter(|&(_, gain)| gain != [0.0; 2]) {
                         let begin = (first_channel + channel) * frames;
@@ -229,12 +235,12 @@ impl Voices {
         for (&(id, _), thread) in &self.threads {
             let Some(signal) = self.signal(id, thread.sound) else { continue };
             let signal = Signal { kernel: bus.kernel(), ..signal };
-            for segment in &thread.segments[*path] {
+            for stretch in &thread.stretches[*path] {
+                let segment = &stretch.segment;
                 if segment.begin_s >= end_s || segment.end_s <= begin_s || segment.gain == [0.0; 2] {
                     continue;
                 }
-                let read = Segment { gain: [1.0; 2], ..*segment };
-                let touched = self.add_segment(thread, signal, &read, frame, &mut scratch);
+                let touched = self.add_stretch(thread, signal, stretch, [1.0; 2], frame, &mut scratch);
                 if touched.is_empty() {
                     continue;
                 }
@@ -263,62 +269,29 @@ impl Voices {
         block
     }
 
-    /// Renders a segment that passes a filter; the range of the block that was touched.
-    fn add_segment(
+    /// Renders a stretch with a gain of its path or another; the range of the block that was touched.
+    fn add_stretch(
         &self,
         thread: &Thread,
         signal: Signal<'_>,
-        segment: &Segment,
+        stretch: &Stretch,
+        gain: [f64; 2],
         frame: u64,
         scratch: &mut Scratch,
     ) -> Range<usize> {
-        let Scratch { voice, window, arriving, part, filtered } = scratch;
-        let [from, to] = segment.filter;
-        if from == UNFILTERED && to == UNFILTERED {
-            let rate_hz = self.rate_hz;
-            return voice::add_segment(signal, &thread.playback, segment, rate_hz, frame, voice, window);
+        let Scratch { voice, window, memory } = scratch;
+        let (playback, rate_hz) = (&thread.playback, self.rate_hz);
+        if stretch.segment.filter == [UNFILTERED; 2] {
+            let segment = Segment { gain, ..stretch.segment };
+            return voice::add_segment(signal, playback, &segment, rate_hz, frame, voice, window);
         }
         let filter = |number: u32| match number {
             UNFILTERED => Some(&self.identity),
             number => thread.filters.get(number),
         };
-        // What arrives a little earlier or later is heard in this block as well.
-        let reaches = segment.filter.map(|number| filter(number).map_or([0; 2], Filter::reach));
-        let [lead, tail]: [usize; 2] = std::array::from_fn(|side| reaches[0][side].max(reaches[1][side]));
-        let first = frame.saturating_sub(tail as u64);
-        let count = (frame - first) as usize + voice.len() + lead;
-        arriving.clear();
-        arriving.resize(count, 0.0);
-        let touched =
-            voice::add_segment(signal, &thread.playback, segment, self.rate_hz, first, arriving, window);
-        if touched.is_empty() {
-            return 0..0;
-        }
-        let input_frame = first + touched.start as u64;
-        let input = &arriving[touched];
-        filtered.clear();
-        filtered.resize(voice.len(), 0.0);
-        let length_s = segment.end_s - segment.begin_s;
-        for (number, side) in [(from, false), (to, true)] {
-            let Some(filter) = filter(number) else { continue };
-            part.clear();
-            part.extend(input.iter().enumerate().map(|(index, &sample)| {
-                if from == to {
-                    return sample as f32;
-                }
-                let arrival_s = (input_frame + index as u64) as f64 / self.rate_hz;
-                let along = ((arrival_s - segment.begin_s) / length_s).clamp(0.0, 1.0);
-                (sample * if side { along } else { 1.0 - along }) as f32
-            }));
-            add_filtered(part, input_frame, filter, filtered, frame);
-            if from == to {
-                break;
-            }
-        }
-        for (sample, filtered) in voice.iter_mut().zip(filtered.iter()) {
-            *sample = f64::from(*filtered);
-        }
-        0..voice.len()
+        let [Some(from), Some(to)] = stretch.segment.filter.map(filter) else { return 0..0 };
+        let passing = Passing { signal, playback, rate_hz, filters: [from, to] };
+        stretch.add(&passing, gain, frame, voice, window, memory)
     }
 }
 
@@ -327,9 +300,7 @@ impl Voices {
 struct Scratch {
     voice: Vec<f64>,
     window: Vec<f32>,
-    arriving: Vec<f64>,
-    part: Vec<f32>,
-    filtered: Vec<f32>,
+    memory: stretch::Memory,
 }
 
 /// Mixes the lines of a channel-space score, which come in time order.
@@ -405,6 +376,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             buses,
             lead: reach(0),
             tail: reach(1),
+            piece: filter::longest(reach(0) + reach(1)),
             receivers,
             colours,
             identity: Filter::identity(),
@@ -493,7 +465,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
     /// A line that cannot be read, or one that does not fit those before it; a synthesised sound that
     /// fails, unless the mixer keeps going.
     pub fn read_to(&mut self, end_frame: u64) -> Result<()> {
-        let end_frame = end_frame + (self.voices.lead + self.voices.ahead) as u64;
+        let end_frame = end_frame + (self.voices.lead + self.voices.piece + self.voices.ahead) as u64;
         self.read_lines(end_frame)?;
         self.synthesise(self.released, end_frame)
     }
@@ -503,8 +475,8 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
     /// # Errors
     /// As [`Mixer::read_to`].
     pub fn skip_to(&mut self, frame: u64) -> Result<()> {
-        self.read_lines(frame + self.voices.lead as u64)?;
-        let still_heard = frame.saturating_sub(self.voices.tail as u64);
+        self.read_lines(frame + (self.voices.lead + self.voices.piece) as u64)?;
+        let still_heard = frame.saturating_sub((self.voices.tail + self.voices.piece) as u64);
         self.synthesise(still_heard, still_heard)?;
         self.release(frame);
         Ok(())
@@ -588,19 +560,22 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
 
     /// Forgets what has been heard before `frame`.
     pub fn release(&mut self, frame: u64) {
-        let frame = frame.saturating_sub(self.voices.tail as u64);
-        self.released = self.released.max(frame);
-        let time_s = frame as f64 / self.voices.rate_hz;
+        let still_heard = frame.saturating_sub(self.voices.tail as u64);
+        self.released = self.released.max(still_heard.saturating_sub(self.voices.piece as u64));
+        let time_s = still_heard as f64 / self.voices.rate_hz;
         self.voices.threads.retain(|_, thread| {
-            for segments in &mut thread.segments {
-                segments.retain(|s| s.end_s > time_s);
+            for stretches in &mut thread.stretches {
+                stretches.retain(|stretch| stretch.segment.end_s > time_s);
+                stretches.iter_mut().for_each(|stretch| stretch.release(frame));
             }
-            let ends = |segment: &Segment| [0, 1].map(|side| [segment.filter[side], segment.spread[side]]);
-            let known = thread.segments.iter().flatten().flat_map(ends);
+            let ends = |Stretch { segment, .. }: &Stretch| {
+                [0, 1].map(|side| [segment.filter[side], segment.spread[side]])
+            };
+            let known = thread.stretches.iter().flatten().flat_map(ends);
             let coming = thread.builders.iter().flat_map(PathBuilder::keys);
             let coming = coming.map(|key| [key.filter, key.spread]);
             thread.filters.release(known.chain(coming));
-            !(thread.ended && thread.segments.iter().all(Vec::is_empty))
+            !(thread.ended && thread.stretches.iter().all(Vec::is_empty))
         });
         let Voices { threads, sources, .. } = &mut self.voices;
         sources.retain(|&id, _| threads.range((id, 0)..=(id, u32::MAX)).next().is_some());
@@ -712,7 +687,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
                     playback,
                     object,
                     builders,
-                    segments: vec![Vec::new(); *paths],
+                    stretches: unheard(*paths),
                     filters,
                     ended: false,
                     fades_in,
@@ -768,7 +743,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
                 self.objects.len() - 1
             }
         };
-        let segments = vec![Vec::new(); self.voices.paths];
+        let stretches = unheard(self.voices.paths);
         // What goes into a tail is heard later, and softer.
         let heard = value.iter().zip(&self.voices.receivers);
         let direct = || heard.clone().filter(|(_, receiver)| receiver.channels() > 0).map(|(value, _)| value);
@@ -780,7 +755,8 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             start,
         });
         let ended = false;
-        let thread = Thread { sound, playback, object, builders, segments, filters, ended, fades_in, lead_s };
+        let thread =
+            Thread { sound, playback, object, builders, stretches, filters, ended, fades_in, lead_s };
         if self.voices.threads.insert((id, 0), thread).is_some() {
             return Err(Error::new(format!("thread {id} starts twice")));
         }
@@ -793,13 +769,13 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         let Some(thread) = threads.get_mut(&of) else { return Ok(()) };
         let ways = Ways { receivers, colours: colours.as_ref() };
         let keys = ways.keys(&mut thread.filters, time_s, value);
-        let paths = thread.builders.iter_mut().zip(&mut thread.segments);
+        let paths = thread.builders.iter_mut().zip(&mut thread.stretches);
         let mut echoes = self.rings.iter();
-        for ((builder, segments), key) in paths.zip(keys) {
+        for ((builder, stretches), key) in paths.zip(keys) {
             let ring_s = echoes.next().copied().flatten();
             let mut emit = |segment: Segment| {
                 hear_out(&mut self.last_arrival_s, &segment, ring_s);
-                segments.push(segment);
+                stretches.push(segment.into());
             };
             if jump { builder.jump(key, &mut emit) } else { builder.key(key, &mut emit) }
         }
@@ -815,16 +791,16 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             Some((time_s, value)) => ways.keys(&mut thread.filters, time_s, value),
             None => thread.builders.iter().map(PathBuilder::last).collect(),
         };
-        let paths = thread.builders.iter_mut().zip(&mut thread.segments);
+        let paths = thread.builders.iter_mut().zip(&mut thread.stretches);
         let mut echoes = self.rings.iter();
-        for ((builder, segments), key) in paths.zip(keys) {
+        for ((builder, stretches), key) in paths.zip(keys) {
             let ring_s = echoes.next().copied().flatten();
             builder.end(key, &mut |segment| {
                 hear_out(&mut self.last_arrival_s, &segment, ring_s);
-                segments.push(segment);
+                stretches.push(segment.into());
             });
             // What left before a jump may arrive after what left behind it.
-            for segment in &*segments {
+            for Stretch { segment, .. } in &*stretches {
                 let tails = segment.filter.iter().filter_map(|&number| thread.filters.get(number));
                 let tail = tails.map(|filter| filter.reach()[1]).max().unwrap_or(0);
                 self.last_arrival_s = self.last_arrival_s.max(segment.end_s + tail as f64 / *rate_hz);
@@ -948,9 +924,14 @@ impl Ways<'_> {
     }
 }
 
+/// The paths of a thread of which nothing is known yet.
+fn unheard(paths: usize) -> Vec<Vec<Stretch>> {
+    std::iter::repeat_with(Vec::new).take(paths).collect()
+}
+
 /// Whether two channels hear a thread with other gains at most.
-fn are_alike(a: &[Segment], b: &[Segment]) -> bool {
-    let same = |(a, b): (&Segment, &Segment)| Segment { gain: b.gain, ..*a } == *b;
+fn are_alike(a: &[Stretch], b: &[Stretch]) -> bool {
+    let same = |(a, b): (&Stretch, &Stretch)| Segment { gain: b.segment.gain, ..a.segment } == b.segment;
     a.len() == b.len() && a.iter().zip(b).all(same)
 }
 
@@ -965,6 +946,8 @@ fn add_faded(to: &mut [f64], from: &[f64], segment: &Segment, first: u64, rate_h
     let slope = (end - begin) / (segment.end_s - segment.begin_s);
     for ((to, from), index) in to.iter_mut().zip(from).zip(0..) {
         let arrival_s = (first + index) as f64 / rate_hz;
+        // What rings on in a filter keeps the gain that it had at the end.
+        let arrival_s = arrival_s.clamp(segment.begin_s, segment.end_s);
         *to += from * (begin + slope * (arrival_s - segment.begin_s));
     }
 }

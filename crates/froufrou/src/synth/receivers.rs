@@ -178,18 +178,21 @@ impl HeadReceiver {
         filters: &mut Filters,
     ) -> [ChannelPassage; 2] {
         // What sounds within the head sounds as it is.
-        let mut ears = [(0.0, 1.0, Filter::identity()), (0.0, 1.0, Filter::identity())];
+        let mut ears = [0.0; 2].map(|delay_s| (delay_s, 1.0, Filter::identity()));
         if from_m != [0.0; 3] {
             let taps = self.0.taps();
             let (mut left, mut right) = (vec![0.0; taps], vec![0.0; taps]);
             let heard = self.0.hear(from_m, [&mut left, &mut right]);
             for ((ear, heard), taps) in ears.iter_mut().zip(heard).zip([left, right]) {
-                *ear = (heard.delay_s, heard.gain, Filter { taps: taps.into(), lead: self.0.lead() });
+                *ear = (heard.delay_s, heard.gain, Filter::new(taps, self.0.lead()));
             }
         }
         let colour = bands.zip(colours).map(|(bands, colours)| colour(&bands, colours));
         ears.map(|(delay_s, gain, filter)| {
-            let filter = colour.as_ref().map_or_else(|| filter.clone(), |colour| filter.then(colour));
+            let filter = match &colour {
+                Some(colour) => filter.then(colour),
+                None => filter,
+            };
             ChannelPassage { delay_s, gain, filter: filters.push(filter) }
         })
     }
@@ -199,5 +202,5 @@ impl HeadReceiver {
 pub(crate) fn colour(bands: &Bands, colours: &BandFilters) -> Filter {
     let mut taps = vec![0.0; colours.taps()];
     colours.fill(bands, &mut taps);
-    Filter { taps: taps.into(), lead: colours.centre() }
+    Filter::new(taps, colours.centre())
 }

@@ -5,7 +5,7 @@
 //! so that they are alike at low frequencies, as in a real room.
 
 use super::bus::{Bus, Feed, Response};
-use super::filter::{Filter, add_filtered};
+use super::filter::{Filter, Memory, convolve};
 use crate::Result;
 use crate::space::head::Head;
 use crate::space::reverberation::Reverberation;
@@ -64,6 +64,7 @@ fn at_ears(
 ) -> Result<[Vec<f32>; 2]> {
     let mut ears = [Vec::new(), Vec::new()];
     let part = (1.0 / DIRECTIONS as f64).sqrt();
+    let mut memory = Memory::default();
     let (mut left, mut right) = (vec![0.0; head.taps()], vec![0.0; head.taps()]);
     for (number, direction) in (0..).zip(even_directions(DIRECTIONS)) {
         let mut tail = reverberation.tail(rate_hz, seed, first + number)?;
@@ -75,9 +76,11 @@ fn at_ears(
             ear.resize(tail.len() + taps.len(), 0.0);
             // Nothing is lost before the beginning: a tail begins with silence. Whole samples do for noise.
             let late = (arrival.delay_s * rate_hz).round() as i64;
-            let early = (-late).max(0) as usize;
-            let filter = Filter { taps, lead: head.lead() + early };
-            add_filtered(&tail, late.max(0) as u64, &filter, ear, 0);
+            let filter = Filter::new(taps, 0);
+            let heard = convolve(&[(&tail, &filter)], &mut memory);
+            let begin = late - head.lead() as i64;
+            let heard = heard.iter().skip((-begin).max(0) as usize);
+            ear.iter_mut().skip(begin.max(0) as usize).zip(heard).for_each(|(ear, heard)| *ear += heard);
         }
     }
     Ok(ears)
