@@ -28,6 +28,7 @@ static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     let script =
         "param(\"pitch\", 700.0); let t = sine(pitch); play(t); fn control() { t.frequency = pitch; }";
     std::fs::write(folder.join("siren.rhai"), script).expect("a script");
+    std::fs::write(folder.join("cell.toml"), "[room]\nsize = [1, 1, 1]\nabsorption = 0.9\n").expect("a room");
     folder
 });
 
@@ -55,6 +56,8 @@ fn soundings(sounds: &[Sound]) -> Option<Soundings> {
 fn sphere(output: &Output) -> Output {
     match output {
         Output::Head { ears, shared, .. } => Output::Head { ears: ears.clone(), head: None, shared: *shared },
+        // A tail that is soon over: it is made anew at every input.
+        Output::Tail { channels, .. } => Output::Tail { scene: "cell.toml".into(), channels: channels.clone() },
         channel => channel.clone(),
     }
 }
@@ -65,7 +68,8 @@ fn mix(header: &ChannelHeader, soundings: Soundings, lines: ChannelLines<'_>) {
         return;
     }
     // Heads are spheres here: files would be read at every input.
-    let spheres: Vec<Output> = header.receivers.iter().map(sphere).collect();
+    let mut spheres = header.clone();
+    spheres.receivers = header.receivers.iter().map(sphere).collect();
     let Ok(receivers) = receivers::load(&spheres, &FOLDER, RATE_HZ) else { return };
     let Ok(mut mixer) = Mixer::new(RATE_HZ, receivers, soundings, lines) else { return };
     let to_s = Some(0.2);
