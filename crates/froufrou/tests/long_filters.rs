@@ -282,7 +282,7 @@ fn a_head_at_rest_is_what_convolution_by_definition_gives() {
         let arrival = Arrival { from_m: Some(from_m), ..Arrival::new(0.5, delay_s) };
         let ears = ["left".to_owned(), "right".to_owned()];
         let output = Output::Head { ears, head: Some(file.to_string_lossy().into_owned()), shared: false };
-        let found = through(output, [arrival.clone(), arrival], frames as f64 / f64::from(RATE_HZ));
+        let found = through(output, [arrival; 2], frames as f64 / f64::from(RATE_HZ));
         let gain = 0.5 * heard[ear].gain;
         let expected = faded(&noise(7001, 1), delay as usize, gain, [&taps, &taps], head.lead(), frames);
         let error_db = error_db(&found[ear], &expected, 500 + delay as usize + taps.len());
