@@ -170,14 +170,14 @@ fn blocks_of_any_length_in_any_order_give_the_same_bits() {
     let lines = lines();
     let receivers = receivers();
     let mut mixer = mixer(receivers, &lines);
-    const FRAMES: usize = 20_000;
+    const FRAMES: usize = 12_000;
     mixer.read_to(FRAMES as u64).unwrap();
     let channels = 6;
     let whole = mixer.voices().render(0, FRAMES, false).mix;
     for length in [1999, 1024, 513, 7] {
         let mut starts: Vec<usize> = (0..FRAMES).step_by(length).collect();
         if length == 7 {
-            starts.retain(|start| start % 301 == 0);
+            starts.retain(|start| start % 602 == 0);
         }
         // From the end, and each twice.
         for start in starts.into_iter().rev() {
@@ -252,8 +252,8 @@ fn a_colour_that_changes_is_what_convolution_by_definition_gives() {
         bands.fill(&gains, &mut taps);
         taps
     });
-    // One piece, some, and many.
-    for frames in [700, 5000, 12_000] {
+    // Some pieces, and many.
+    for frames in [5000, 12_000] {
         let delay = 480;
         let arrivals = all.map(|bands| Arrival { bands: Some(bands), ..Arrival::new(0.5, 0.01) });
         let end_s = frames as f64 / f64::from(RATE_HZ);
@@ -261,13 +261,9 @@ fn a_colour_that_changes_is_what_convolution_by_definition_gives() {
         // It fades over arrival time, which is that of emission and a delay that stays.
         let expected = faded(&noise(7001, 1), delay, 0.5, [&taps[0], &taps[1]], bands.centre(), frames);
         // A loop fades in at its beginning.
-        let from = 500;
-        let late = delay + bands.taps();
-        let error_db = error_db(&found[0], &expected, late.max(from).min(frames - 1));
+        let error_db = error_db(&found[0], &expected, 500 + delay + bands.taps());
         println!("{frames} frames: {error_db:.1} dB");
-        if late + 500 < frames {
-            assert!(error_db < -125.0, "{frames}: {error_db}");
-        }
+        assert!(error_db < -125.0, "{frames}: {error_db}");
     }
 }
 
@@ -286,7 +282,7 @@ fn a_head_at_rest_is_what_convolution_by_definition_gives() {
         let arrival = Arrival { from_m: Some(from_m), ..Arrival::new(0.5, delay_s) };
         let ears = ["left".to_owned(), "right".to_owned()];
         let output = Output::Head { ears, head: Some(file.to_string_lossy().into_owned()), shared: false };
-        let found = through(output, [arrival.clone(), arrival], frames as f64 / f64::from(RATE_HZ));
+        let found = through(output, [arrival; 2], frames as f64 / f64::from(RATE_HZ));
         let gain = 0.5 * heard[ear].gain;
         let expected = faded(&noise(7001, 1), delay as usize, gain, [&taps, &taps], head.lead(), frames);
         let error_db = error_db(&found[ear], &expected, 500 + delay as usize + taps.len());

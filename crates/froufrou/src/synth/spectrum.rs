@@ -20,7 +20,7 @@ const SIZES: usize = 64;
 
 /// The number of samples of a transform: powers of two, and those and a half.
 fn samples(size: usize) -> usize {
-    let half = SHORTEST / 2 << (size / 2);
+    let half = (SHORTEST / 2) << (size / 2);
     2 * half + size % 2 * half
 }
 
