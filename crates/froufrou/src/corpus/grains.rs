@@ -7,11 +7,12 @@
 //! | [`Extraction::flux`] | how much the spectrum changes from frame to frame |
 //! | [`Extraction::cuts`] | the places where the flux bends over, at least a shortest grain apart |
 //! | [`Extraction::extract`] | what lies between two cuts, windowed and normalised for power, unless it is too quiet |
-//! | `patterns` | where in which recording a grain fits |
+//! | [`patterns`] | where in which recording a grain fits |
 //!
 //! Segments do not overlap. So no two grains hold the same sound. A recording costs an FFT a hop and one a grain.
 
 mod flux;
+pub mod patterns;
 #[cfg(test)]
 mod tests;
 
