@@ -245,13 +245,14 @@ impl pulp::WithSimd for Spreading<'_> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
         let lanes = self.gains[0].len();
+        let frame_s = 1.0 / self.rate_hz;
         let per_s = 1.0 / (self.segment.end_s - self.segment.begin_s);
         let mut along = [0.0f32; CHUNK];
         for (chunk, samples) in self.samples.chunks(CHUNK).enumerate() {
             let done = chunk * CHUNK;
             let first = (self.first + done as u64) as f64;
             for (n, along) in along.iter_mut().enumerate() {
-                let arrival_s = (first + n as u32 as f64) / self.rate_hz;
+                let arrival_s = (first + n as u32 as f64) * frame_s;
                 *along = ((arrival_s - self.segment.begin_s) * per_s).clamp(0.0, 1.0) as f32;
             }
             for number in 0..lanes.div_ceil(BANK) {

@@ -189,7 +189,11 @@ impl pulp::WithSimd for Reading<'_> {
                     arrivals_s.for_each(|(n, arrival_s)| find(n, arrival_s, self.segment.at(arrival_s)));
                 }
                 Kernel::Short => {
-                    arrivals_s.for_each(|(n, arrival_s)| find(n, arrival_s, course.at(arrival_s)))
+                    let frame_s = 1.0 / self.rate_hz;
+                    (0..count).for_each(|n| {
+                        let arrival_s = (first + n as u32 as f64) * frame_s;
+                        find(n, arrival_s, course.at(arrival_s));
+                    });
                 }
             }
             if self.segment.fades != Fades::NONE {
