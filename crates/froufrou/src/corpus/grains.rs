@@ -253,7 +253,7 @@ impl Extraction {
         if !(0.0..=1.0).contains(&self.taper) {
             return Err(Error::new(format!("taper is {}, expected 0 to 1", self.taper)));
         }
-        if !(self.threshold_db <= 0.0) {
+        if self.threshold_db.is_nan() || self.threshold_db > 0.0 {
             return Err(Error::new(format!("threshold_db is {}, expected 0 or less", self.threshold_db)));
         }
         Ok(())

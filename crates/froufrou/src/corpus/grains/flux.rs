@@ -52,7 +52,7 @@ pub(super) fn flux(samples: &[f32], frame: usize, hop: usize) -> Vec<f64> {
             let from = (stretch * STRETCH).saturating_sub(1);
             let to = ((stretch + 1) * STRETCH).min(frames);
             let mut distances = Vec::with_capacity(to - from);
-            for m in from..to {
+            for (m, &power) in powers.iter().enumerate().take(to).skip(from) {
                 input.fill(0.0);
                 let first = first_of(m);
                 for (i, w) in window.iter().enumerate() {
@@ -64,7 +64,7 @@ pub(super) fn flux(samples: &[f32], frame: usize, hop: usize) -> Vec<f64> {
                 let done = fft.process_with_scratch(&mut input, &mut bins, &mut scratch);
                 debug_assert!(done.is_ok());
                 let norm = bins.iter().map(|b| b.norm_sqr()).sum::<f64>().sqrt();
-                let scale = if powers[m] > silent && norm > 0.0 { norm.recip() } else { 0.0 };
+                let scale = if power > silent && norm > 0.0 { norm.recip() } else { 0.0 };
                 here.iter_mut().zip(&bins).for_each(|(to, bin)| *to = scale * bin.norm());
                 if before.is_empty() {
                     before.clone_from(&here);

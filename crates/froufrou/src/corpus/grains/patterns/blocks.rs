@@ -251,14 +251,8 @@ impl Class<'_> {
         let mut found: Vec<(f64, usize)> = Vec::new();
         for candidate in track.picker.finish() {
             let mut best = (exact(candidate.at), candidate.at);
-            // What single precision could not tell from its neighbours may be one of them.
-            while candidate.margin < UNSURE {
-                let aside = [best.1.checked_sub(1), Some(best.1 + 1).filter(|&lag| lag <= last_lag)];
-                let values = aside.into_iter().flatten().map(|lag| (exact(lag), lag));
-                match values.max_by(|a, b| a.0.total_cmp(&b.0)) {
-                    Some(higher) if higher.0 > best.0 => best = higher,
-                    _ => break,
-                }
+            if candidate.margin < UNSURE {
+                best = climbed(best, last_lag, exact);
             }
             found.push(best);
         }
@@ -273,6 +267,19 @@ impl Class<'_> {
             correlation: value as f32,
         };
         found.into_iter().map(peak).collect()
+    }
+}
+
+/// The top of the hill on which a value and its lag are: what single precision could not tell from its neighbours may
+/// be one of them.
+fn climbed(mut best: (f64, usize), last_lag: usize, exact: impl Fn(usize) -> f64) -> (f64, usize) {
+    loop {
+        let aside = [best.1.checked_sub(1), Some(best.1 + 1).filter(|&lag| lag <= last_lag)];
+        let values = aside.into_iter().flatten().map(|lag| (exact(lag), lag));
+        match values.max_by(|a, b| a.0.total_cmp(&b.0)) {
+            Some(higher) if higher.0 > best.0 => best = higher,
+            _ => return best,
+        }
     }
 }
 
