@@ -80,14 +80,7 @@ fn lines(voices: u64, has_places: bool, has_colours: bool) -> Vec<ChannelLine> {
             let from_m = [distance_m * angle.sin(), (phase * 2.3).sin(), distance_m * angle.cos()];
             let arrival = Arrival::new(0.3 / distance_m, distance_m / 343.0);
             let verb = match key {
-                0 => Verb::Start(Start {
-                    sound: "noise".into(),
-                    speed: 1.0,
-                    offset_s: thread as f64 * 0.001,
-                    object: String::new(),
-                    cause: String::new(),
-                    pattern: String::new(),
-                }),
+                0 => Verb::Start(Start { offset_s: thread as f64 * 0.001, ..Start::new("noise") }),
                 30 => Verb::End,
                 _ => Verb::Key,
             };

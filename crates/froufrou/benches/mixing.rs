@@ -42,14 +42,7 @@ fn lines(voices: u64, still: bool) -> Vec<froufrou::Result<ChannelLine>> {
             let phase = thread as f64 * 0.37 + if still { 0.0 } else { time_s * (2.0 + (thread % 7) as f64) };
             let ear = |side: f64| Arrival::new(0.3, 0.05 + 0.01 * (phase + side).sin());
             let verb = match frame {
-                0 => Verb::Start(Start {
-                    sound: "noise".into(),
-                    speed: 1.0,
-                    offset_s: thread as f64 * 0.01,
-                    object: String::new(),
-                    cause: String::new(),
-                    pattern: String::new(),
-                }),
+                0 => Verb::Start(Start { offset_s: thread as f64 * 0.01, ..Start::new("noise") }),
                 72 => Verb::End,
                 _ => Verb::Key,
             };

@@ -28,14 +28,8 @@ fn header<R>(receivers: Vec<R>) -> Header<R> {
 
 /// What a thread does at a frame.
 fn statement<V>(thread: u64, frame: u32, value: V) -> Statement<V> {
-    let start = Start {
-        sound: "siren".into(),
-        speed: 1.0,
-        offset_s: 0.0,
-        object: "ambulance".into(),
-        cause: "runs through the scene".into(),
-        pattern: String::new(),
-    };
+    let start =
+        Start { object: "ambulance".into(), cause: "runs through the scene".into(), ..Start::new("siren") };
     let verb = match frame {
         0 => Verb::Start(start),
         frame if frame == FRAMES - 1 => Verb::End,

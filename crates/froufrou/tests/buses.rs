@@ -30,12 +30,9 @@ fn lines(outputs: usize) -> Vec<ChannelLine> {
             };
             let verb = match key {
                 0 => Verb::Start(Start {
-                    sound: "noise".into(),
-                    speed: 1.0,
                     offset_s: thread as f64 * 0.01,
                     object: format!("object {}", thread % 3),
-                    cause: String::new(),
-                    pattern: String::new(),
+                    ..Start::new("noise")
                 }),
                 10 if thread == 2 => Verb::Jump,
                 20 => Verb::End,

@@ -103,10 +103,7 @@ fn sound_fields_and_loudspeakers_have_the_gains_of_theory() {
 #[test]
 fn nothing_clicks_when_sources_pass_and_heads_turn() {
     let studio = Studio::new();
-    let rate_hz = f64::from(RATE_HZ);
-    let tone: Vec<f32> =
-        (0..RATE_HZ).map(|n| (0.5 * (TAU * 1000.0 * f64::from(n) / rate_hz).sin()) as f32).collect();
-    studio.recording("tone.wav", RATE_HZ, &tone);
+    studio.tone("tone.wav");
     // A source passes 2 m before the listener at 10 m/s; then one stands while the head turns at 360° a second.
     let passing = "[[object]]\nname = 'source'\ntrack = [{ t = 0, position = [-10, 0.3, -2] }, { t = 2, position = [10, 0.3, -2] }]\ninterpolation = 'linear'\n\
                    sound = { recording = 'tone.wav', loop = true }\n";
@@ -129,7 +126,7 @@ fn nothing_clicks_when_sources_pass_and_heads_turn() {
             ("turning", format!("duration = 2\n[listener]\n{layout}\n{turning}{standing}")),
         ] {
             let sound = studio.scene(&scene, Take::at(RATE_HZ)).unwrap();
-            let worst = (0..sound.channels).map(|channel| sound.splash_db(channel)).fold(f64::MIN, f64::max);
+            let worst = sound.worst_splash_db();
             println!("{layout}, {name}: {worst:.1} dB");
             assert!(worst < -60.0, "{layout}, {name}: {worst:.1} dB");
         }
@@ -212,10 +209,7 @@ fn a_head_that_rolls_hears_what_is_above_at_its_side() {
 #[test]
 fn a_sound_within_the_head_is_as_it_is_and_leaves_it_without_a_click() {
     let studio = Studio::new();
-    let rate_hz = f64::from(RATE_HZ);
-    let tone: Vec<f32> =
-        (0..RATE_HZ).map(|n| (0.5 * (TAU * 1000.0 * f64::from(n) / rate_hz).sin()) as f32).collect();
-    studio.recording("tone.wav", RATE_HZ, &tone);
+    let tone = studio.tone("tone.wav");
     for shared in ["", " shared"] {
         // All around it, both ears hear the recording itself.
         let score = format!(

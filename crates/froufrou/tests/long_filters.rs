@@ -44,12 +44,9 @@ fn receivers() -> Vec<Receiver> {
 
 fn start(sound: &str, thread: u64) -> Verb {
     Verb::Start(Start {
-        sound: sound.into(),
-        speed: 1.0,
         offset_s: if sound == "wind" { 0.0 } else { thread as f64 * 0.013 },
         object: format!("object {}", thread % 2),
-        cause: String::new(),
-        pattern: String::new(),
+        ..Start::new(sound)
     })
 }
 

@@ -164,14 +164,10 @@ fn a_range_alone_is_that_part_of_the_whole_with_walls_and_air() {
 #[test]
 fn nothing_clicks_in_a_room() {
     let studio = Studio::new();
-    let rate_hz = f64::from(RATE_HZ);
-    // Whole periods, so that the loop has no seam.
-    let tone: Vec<f32> =
-        (0..RATE_HZ).map(|n| (0.5 * (TAU * 1000.0 * f64::from(n) / rate_hz).sin()) as f32).collect();
-    studio.recording("tone.wav", RATE_HZ, &tone);
+    studio.tone("tone.wav");
     for layout in ["mono", "binaural", "ambisonic-3"] {
         let sound = studio.scene(&flight(layout, "tone.wav"), Take::at(RATE_HZ)).unwrap();
-        let worst = (0..sound.channels).map(|channel| sound.splash_db(channel)).fold(f64::MIN, f64::max);
+        let worst = sound.worst_splash_db();
         println!("{layout}: {worst:.1} dB");
         assert!(worst < -60.0, "{layout}: {worst} dB");
     }

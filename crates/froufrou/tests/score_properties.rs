@@ -133,7 +133,7 @@ fn action() -> impl Strategy<Value = Action> {
 
 fn sketch<V: Debug + Clone + 'static>(value: BoxedStrategy<V>) -> impl Strategy<Value = Sketch<V>> {
     let start = (positive(), not_negative(), text(), text()).prop_map(|(speed, offset_s, object, cause)| {
-        Start { sound: String::new(), speed, offset_s, object, cause, pattern: String::new() }
+        Start { speed, offset_s, object, cause, ..Start::new("") }
     });
     let thread = prop_oneof![1..20_u64, any::<u64>()];
     let time = prop_oneof![not_negative(), (0..6_u8).prop_map(f64::from)];
@@ -514,14 +514,7 @@ fn long_score(lines: usize) -> Vec<u8> {
         sounds: vec![Sound::recording("hit", "hit.wav", Repeat::Once, None)],
         ..Header::new(Order::Time, ["left", "right"].map(|name| Output::Channel(name.into())).to_vec())
     };
-    let start = Start {
-        sound: "hit".into(),
-        speed: 1.0,
-        offset_s: 0.0,
-        object: String::new(),
-        cause: String::new(),
-        pattern: String::new(),
-    };
+    let start = Start::new("hit");
     let mut writer = ChannelWriter::new(Vec::new(), &header).unwrap();
     for line in 0..lines {
         let time_s = line as f64 / 3.0;

@@ -49,12 +49,9 @@ fn the_documentation_shows_one_score_in_each_space() {
             path: 0,
             time_s: 0.0,
             verb: Verb::Start(Start {
-                sound: "siren".into(),
-                speed: 1.0,
-                offset_s: 0.0,
                 object: "ambulance".into(),
                 cause: "runs through the scene".into(),
-                pattern: String::new(),
+                ..Start::new("siren")
             }),
             value: Placement::at([-60.0, 0.0, 12.0], 0.5),
         })
@@ -690,14 +687,7 @@ fn line(verb: Verb, time_s: f64, gain: f64) -> ChannelLine {
 }
 
 fn start(sound: &str) -> Verb {
-    Verb::Start(Start {
-        sound: sound.into(),
-        speed: 1.0,
-        offset_s: 0.0,
-        object: String::new(),
-        cause: String::new(),
-        pattern: String::new(),
-    })
+    Verb::Start(Start::new(sound))
 }
 
 #[test]

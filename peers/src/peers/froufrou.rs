@@ -148,14 +148,7 @@ impl Iterator for Lines {
         self.next += 1;
         let (voice, time_s) = (&self.voices[thread as usize], tick as f64 / f64::from(TICKS_HZ));
         let verb = match tick {
-            0 => Verb::Start(Start {
-                sound: voice.sound.to_string(),
-                speed: 1.0,
-                offset_s: voice.offset as f64 / f64::from(RATE_HZ),
-                object: String::new(),
-                cause: String::new(),
-                pattern: String::new(),
-            }),
+            0 => Verb::Start(Start { offset_s: voice.offset as f64 / f64::from(RATE_HZ), ..Start::new(voice.sound.to_string()) }),
             _ => Verb::Key,
         };
         let value = self.hearing.arrivals(voice.motion.position(time_s));

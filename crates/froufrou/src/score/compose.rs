@@ -640,7 +640,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             "{body} struck by {other}, {:.4} N s, {}:{}-{}",
             impact.impulse_ns, impact.cause.log, impact.cause.first_line, impact.cause.last_line
         );
-        let start = Start { sound: name, speed, offset_s: 0.0, object, cause, pattern: String::new() };
+        let start = Start { speed, object, cause, ..Start::new(name) };
         let cues = if struck { VecDeque::from([(time_s, Action::Strike(blow))]) } else { VecDeque::new() };
         let id = self.begin(
             time_s,
@@ -701,8 +701,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                 let (_, object) = self.carried(index, body, slide.position_m, time_s)?;
                 let cause =
                     format!("{body} slides along {other}, {}:{}", slide.cause.log, slide.cause.first_line);
-                let start =
-                    Start { sound: name, speed: 1.0, offset_s: 0.0, object, cause, pattern: String::new() };
+                let start = Start { object, cause, ..Start::new(name) };
                 let voice = Voice {
                     start: Some(start),
                     place: Place::Carrier(Carrier::still(slide.position_m)),

@@ -511,6 +511,20 @@ pub struct Start {
     pub pattern: String,
 }
 
+impl Start {
+    /// A sound as it is, from its beginning, that belongs to nothing.
+    pub fn new(sound: impl Into<String>) -> Self {
+        Self {
+            sound: sound.into(),
+            speed: 1.0,
+            offset_s: 0.0,
+            object: String::new(),
+            cause: String::new(),
+            pattern: String::new(),
+        }
+    }
+}
+
 /// What a line does with its thread.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verb {

@@ -27,14 +27,7 @@ use crate::{Error, Result, WholeFile};
 ///     sounds: vec![Sound::recording("drip", "drip.wav", Repeat::Once, None)],
 ///     ..Header::new(Order::Time, ["left", "right"].map(|name| Output::Channel(name.into())).to_vec())
 /// };
-/// let start = Start {
-///     sound: "drip".into(),
-///     speed: 1.0,
-///     offset_s: 0.0,
-///     object: String::new(),
-///     cause: "a leak".into(),
-///     pattern: String::new(),
-/// };
+/// let start = Start { cause: "a leak".into(), ..Start::new("drip") };
 /// let arrival = Arrival::new;
 ///
 /// let mut writer = ChannelWriter::new(Vec::new(), &header)?;

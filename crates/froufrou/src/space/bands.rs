@@ -11,7 +11,7 @@
 //! | between two bands that differ by 10 dB | between 63 and 125 Hz, where 20 ms are short, up to 1 dB beyond the louder and 2.4 dB beyond the softer; above up to 0.15 and 0.4 dB |
 //! | cost of a filter | about 2.9 multiplications and additions for each tap |
 
-use crate::synth::sinc::{kaiser_of, sinc};
+use crate::synth::kernel::{kaiser, sinc};
 use crate::{Error, Result};
 
 /// How many bands there are.
@@ -144,7 +144,7 @@ fn low_pass(band: usize, half: usize, rate_hz: f64) -> Vec<f32> {
     };
     let cutoff = (pass_hz + stop_hz) / rate_hz;
     let at = |tap: usize| tap as f64 - half as f64;
-    let window: Vec<f64> = (0..taps).map(|tap| kaiser_of(at(tap) / (half as f64 + 0.5), beta)).collect();
+    let window: Vec<f64> = (0..taps).map(|tap| kaiser(at(tap) / (half as f64 + 0.5), beta)).collect();
     let mut response: Vec<f64> =
         window.iter().enumerate().map(|(tap, w)| w * cutoff * sinc(cutoff * at(tap))).collect();
 

@@ -4,6 +4,7 @@ pub mod bus;
 mod filter;
 mod gate;
 pub mod instrument;
+pub(crate) mod kernel;
 pub mod mixer;
 pub mod modal;
 pub mod needle;

@@ -13,9 +13,10 @@
 
 use std::sync::OnceLock;
 
-use pulp::{Simd, bytemuck};
+use pulp::Simd;
 
-use super::sinc::{Samples, kaiser_of, sinc};
+use super::kernel::{self, LANES, Spacing};
+use super::sinc::Samples;
 
 /// Positions between two input samples at which the kernel is tabulated. Straight lines between them err by
 /// (ω / PHASES)² / 8: −77 dB for 16.8 kHz at 48 kHz, −126 dB for 1 kHz.
@@ -33,15 +34,8 @@ const KAISER_BETA: f64 = 0.1102 * (ATTENUATION_DB - 8.7);
 /// By how much it attenuates.
 const ATTENUATION_DB: f64 = 72.0;
 
-/// Tables of the first octave of compression, spaced evenly in ratio; each octave has half as many as the one
-/// before, and each takes the same memory, 4 MB at most.
-const TABLES_PER_OCTAVE: usize = 256;
-
-/// How many octaves have tables; beyond, the cut-off stays.
-const OCTAVES: usize = 6;
-
-/// Lanes of the dot products, whose sums are made in this order on every machine.
-const LANES: usize = 16;
+/// 256 tables in the first octave of compression: 4 MB at most in each.
+const SPACING: Spacing = Spacing::new(256);
 
 /// One cut-off: for each phase a row of taps, and one of what they change by up to the next.
 struct Table {
@@ -50,29 +44,14 @@ struct Table {
 }
 
 impl Table {
-    /// The table of an octave and a step within it.
-    fn new(index: usize) -> Self {
-        let octave = (0..=OCTAVES).rfind(|octave| first_table(*octave) <= index).unwrap_or(0);
-        let step = (index - first_table(octave)) as f64 / (TABLES_PER_OCTAVE >> octave) as f64;
-        let ratio = (1u64 << octave) as f64 * (1.0 + step);
+    /// The table for a ratio.
+    fn new(ratio: f64) -> Self {
         let unit = LANES as f64 / 2.0;
-        let half_width = (HALF_WIDTH as f64 * ratio / unit).round() * unit;
-        // Kaiser's N = (A − 7.95) / (14.36 Δf); the upper end of the transition is the stop edge.
-        let transition = (ATTENUATION_DB - 7.95) / (14.36 * 2.0 * half_width);
-        let cutoff = 0.5 / ratio - transition / 2.0;
-        let width = 2 * half_width as usize;
-        let row = |phase: usize| {
-            let mut row = vec![0.0f64; width];
-            let fraction = phase as f64 / PHASES as f64;
-            for (k, tap) in row.iter_mut().enumerate() {
-                let x = k as f64 + 1.0 - half_width - fraction;
-                *tap = 2.0 * cutoff * sinc(2.0 * cutoff * x) * kaiser_of(x / half_width, KAISER_BETA);
-            }
-            // Every phase passes a constant unchanged.
-            let sum: f64 = row.iter().sum();
-            row.iter_mut().for_each(|tap| *tap /= sum);
-            row
-        };
+        let half_width = ((HALF_WIDTH as f64 * ratio / unit).round() * unit) as usize;
+        // The upper end of the transition is the stop edge.
+        let cutoff = 0.5 / ratio - kernel::transition(half_width, ATTENUATION_DB) / 2.0;
+        let width = 2 * half_width;
+        let row = |phase: usize| kernel::row(half_width, phase as f64 / PHASES as f64, cutoff, KAISER_BETA);
         let mut taps = Vec::with_capacity(2 * PHASES * width);
         let mut this = row(0);
         for phase in 0..PHASES {
@@ -91,36 +70,15 @@ impl Table {
     }
 }
 
-const fn first_table(octave: usize) -> usize {
-    2 * TABLES_PER_OCTAVE - ((2 * TABLES_PER_OCTAVE) >> octave)
-}
-
-const TABLE_COUNT: usize = first_table(OCTAVES) + 1;
-
 fn table(index: usize) -> &'static Table {
-    static TABLES: [OnceLock<Table>; TABLE_COUNT] = [const { OnceLock::new() }; TABLE_COUNT];
-    let index = index.min(TABLE_COUNT - 1);
-    TABLES[index].get_or_init(|| Table::new(index))
-}
-
-/// The table for a ratio: the widest whose stop edge lies below the output's Nyquist frequency.
-#[inline(always)]
-fn table_index(ratio: f64) -> usize {
-    if ratio <= 1.0 {
-        return 0;
-    }
-    let mut mantissa = ratio.min((1u64 << OCTAVES) as f64);
-    let mut octave = 0;
-    while mantissa > 2.0 {
-        mantissa *= 0.5;
-        octave += 1;
-    }
-    first_table(octave) + ((mantissa - 1.0) * (TABLES_PER_OCTAVE >> octave) as f64).ceil() as usize
+    static TABLES: [OnceLock<Table>; SPACING.count()] = [const { OnceLock::new() }; SPACING.count()];
+    let index = index.min(SPACING.count() - 1);
+    TABLES[index].get_or_init(|| Table::new(SPACING.ratio(index)))
 }
 
 /// Makes the tables that readings up to a ratio need.
 pub(super) fn prepare(ratio: f64) {
-    for index in 0..=table_index(ratio) {
+    for index in 0..=SPACING.index(ratio) {
         table(index);
     }
 }
@@ -161,13 +119,13 @@ impl Samples<'_> {
             for ratio in ratios {
                 (slowest, fastest) = (slowest.min(*ratio), fastest.max(*ratio));
             }
-            let mut current = table_index(slowest);
+            let mut current = SPACING.index(slowest);
             let mut kernel = table(current);
             let reach = kernel.width as i64;
             let [low, high] =
                 [0, wholes[positions.len() - 1]].map(|whole: i32| origin.saturating_add(whole.into()));
             let rises = wholes[..positions.len()].is_sorted();
-            if current == table_index(fastest) && rises && low >= reach && high <= length - reach {
+            if current == SPACING.index(fastest) && rises && low >= reach && high <= length - reach {
                 let origin = (origin + 1) as usize - kernel.width / 2;
                 for (n, out) in out.iter_mut().enumerate() {
                     let input = &self.samples[origin + wholes[n] as usize..];
@@ -180,7 +138,7 @@ impl Samples<'_> {
                 continue;
             }
             for (n, out) in out.iter_mut().enumerate() {
-                let index = table_index(ratios[n]);
+                let index = SPACING.index(ratios[n]);
                 if index != current {
                     (current, kernel) = (index, table(index));
                 }
@@ -211,17 +169,7 @@ fn dot<S: Simd>(simd: S, input: &[f32], rows: &[f32], along: f32) -> f32 {
             sums[v] = simd.add_f32s(sums[v], simd.mul_f32s(x[v], tap));
         }
     }
-    let mut lanes = [0.0f32; LANES];
-    lanes.copy_from_slice(bytemuck::cast_slice(&sums[..vectors]));
-    // Pairwise, in an order that does not depend on the vectors.
-    let mut width = LANES / 2;
-    while width > 0 {
-        for lane in 0..width {
-            lanes[lane] += lanes[lane + width];
-        }
-        width /= 2;
-    }
-    lanes[0]
+    kernel::total::<S>(&sums[..vectors])
 }
 
 #[cfg(test)]

@@ -21,7 +21,10 @@
 
 use std::sync::OnceLock;
 
-use pulp::{Simd, bytemuck};
+use pulp::Simd;
+
+pub use super::kernel::MAX_RATIO;
+use super::kernel::{self, LANES, Spacing};
 
 /// Positions between two input samples at which the kernel is tabulated. Cubic interpolation errs by
 /// about 3/128 (ω / PHASES)⁴, −120 dB for 20 kHz at 48 kHz.
@@ -34,30 +37,12 @@ const HALF_WIDTH: usize = 40;
 /// 2 · 40 taps then make a transition 0.083 of the sampling rate wide.
 const KAISER_BETA: f64 = 10.4;
 
-/// Tables of the first octave of compression, spaced evenly in ratio. Each octave has half as many
-/// as the one before, whose tables are half as long: each takes the same memory, 9 MB at most.
-const TABLES_PER_OCTAVE: usize = 512;
-
-/// How many octaves have tables.
-const OCTAVES: usize = 6;
-
-/// Index of the first table of an octave: 512 + 256 + … before it.
-const fn first_table(octave: usize) -> usize {
-    2 * TABLES_PER_OCTAVE - ((2 * TABLES_PER_OCTAVE) >> octave)
-}
+/// 512 tables in the first octave of compression: 9 MB at most in each.
+const SPACING: Spacing = Spacing::new(512);
 
 /// Where the pass band must end at the earliest, as a part of the lower Nyquist frequency.
 #[cfg(test)]
 const PASS_EDGE: f64 = 20.0 / 24.0;
-
-/// The largest ratio whose cut-off is followed; beyond it, the cut-off stays.
-pub const MAX_RATIO: f64 = 64.0;
-
-const TABLE_COUNT: usize = first_table(OCTAVES) + 1;
-
-/// Lanes of the dot products; sums are made in this fixed order on every machine, so that a sound
-/// is the same to the bit whatever the width of its vector unit.
-const LANES: usize = 16;
 
 /// Readings whose rows and weights are found before any of them is made.
 const CHUNK: usize = 128;
@@ -74,20 +59,11 @@ impl Table {
         let lanes = LANES as f64;
         let half_width = ((HALF_WIDTH as f64 / scale) / (lanes / 2.0)).ceil() as usize * (LANES / 2);
         // The window's transition lies evenly about the cut-off; its upper end is the stop edge.
-        let half_transition = transition(half_width) / 2.0;
+        let half_transition = kernel::transition(half_width, KAISER_BETA / 0.1102 + 8.7) / 2.0;
         let cutoff = 0.5 * scale - half_transition;
-        let mut taps = Vec::with_capacity((PHASES + 3) * 2 * half_width);
-        let mut row = vec![0.0f64; 2 * half_width];
-        for phase in 0..PHASES + 3 {
-            let fraction = (phase as f64 - 1.0) / PHASES as f64;
-            for (k, tap) in row.iter_mut().enumerate() {
-                let x = k as f64 + 1.0 - half_width as f64 - fraction;
-                *tap = 2.0 * cutoff * sinc(2.0 * cutoff * x) * kaiser(x / half_width as f64);
-            }
-            // Every phase passes a constant unchanged.
-            let sum: f64 = row.iter().sum();
-            taps.extend(row.iter().map(|tap| (tap / sum) as f32));
-        }
+        let fractions = (0..PHASES + 3).map(|phase| (phase as f64 - 1.0) / PHASES as f64);
+        let taps = fractions.flat_map(|fraction| kernel::row(half_width, fraction, cutoff, KAISER_BETA));
+        let taps = taps.map(|tap| tap as f32).collect();
         Self { half_width, taps }
     }
 
@@ -99,80 +75,28 @@ impl Table {
     }
 }
 
-/// Width of the transition band, in cycles a sample, of a Kaiser window of this half width
-/// (Kaiser 1974: N = (A − 7.95) / (14.36 Δf)).
-fn transition(half_width: usize) -> f64 {
-    let attenuation_db = KAISER_BETA / 0.1102 + 8.7;
-    (attenuation_db - 7.95) / (14.36 * (2 * half_width) as f64)
-}
-
-pub(crate) fn sinc(x: f64) -> f64 {
-    if x == 0.0 { 1.0 } else { (std::f64::consts::PI * x).sin() / (std::f64::consts::PI * x) }
-}
-
 /// The window of the filters that resample, from −1 to 1.
 pub(super) fn kaiser(x: f64) -> f64 {
-    kaiser_of(x, KAISER_BETA)
-}
-
-/// Kaiser's window of a shape β, from −1 to 1.
-pub(crate) fn kaiser_of(x: f64, beta: f64) -> f64 {
-    let inside = 1.0 - x * x;
-    if inside <= 0.0 { 0.0 } else { bessel_i0(beta * inside.sqrt()) / bessel_i0(beta) }
-}
-
-/// The modified Bessel function of order 0 by its power series, which converges for every argument
-/// that a window has.
-fn bessel_i0(x: f64) -> f64 {
-    let quarter = x * x / 4.0;
-    let (mut term, mut sum, mut k) = (1.0, 1.0, 1.0);
-    while term > sum * 1e-17 {
-        term *= quarter / (k * k);
-        sum += term;
-        k += 1.0;
-    }
-    sum
+    kernel::kaiser(x, KAISER_BETA)
 }
 
 fn table(index: usize) -> &'static Table {
-    static TABLES: [OnceLock<Table>; TABLE_COUNT] = [const { OnceLock::new() }; TABLE_COUNT];
-    let index = index.min(TABLE_COUNT - 1);
-    TABLES[index].get_or_init(|| Table::new(table_scale(index)))
-}
-
-/// The stop edge of a table as a part of the input's Nyquist frequency.
-fn table_scale(index: usize) -> f64 {
-    let octave = (0..=OCTAVES).rfind(|&octave| first_table(octave) <= index).unwrap_or(0);
-    let step = (index - first_table(octave)) as f64 / (TABLES_PER_OCTAVE >> octave) as f64;
-    1.0 / ((1u64 << octave) as f64 * (1.0 + step))
+    static TABLES: [OnceLock<Table>; SPACING.count()] = [const { OnceLock::new() }; SPACING.count()];
+    let index = index.min(SPACING.count() - 1);
+    TABLES[index].get_or_init(|| Table::new(1.0 / SPACING.ratio(index)))
 }
 
 /// The number of input samples that a reading at `ratio` needs to either side of its position.
 pub fn half_width(ratio: f64) -> usize {
-    (HALF_WIDTH as f64 / table_scale(table_index(ratio))).ceil() as usize + LANES
+    (HALF_WIDTH as f64 * SPACING.ratio(SPACING.index(ratio))).ceil() as usize + LANES
 }
 
 /// Makes the tables that readings up to a ratio need, so that no later reading allocates.
 pub fn prepare(ratio: f64) {
-    for index in 0..=table_index(ratio) {
+    for index in 0..=SPACING.index(ratio) {
         table(index);
     }
     super::short::prepare(ratio);
-}
-
-/// The table for a ratio: the widest whose stop edge lies below the output's Nyquist frequency.
-#[inline(always)]
-fn table_index(ratio: f64) -> usize {
-    if ratio <= 1.0 {
-        return 0;
-    }
-    let mut mantissa = ratio.min(MAX_RATIO);
-    let mut octave = 0;
-    while mantissa > 2.0 {
-        mantissa *= 0.5;
-        octave += 1;
-    }
-    first_table(octave) + ((mantissa - 1.0) * (TABLES_PER_OCTAVE >> octave) as f64).ceil() as usize
 }
 
 /// How well a sound is read.
@@ -238,7 +162,7 @@ impl Samples<'_> {
             }
             let (mut current, mut kernel) = (0, table(0));
             for (n, out) in out.iter_mut().enumerate() {
-                let index = table_index(ratios[n]);
+                let index = SPACING.index(ratios[n]);
                 if index != current {
                     (current, kernel) = (index, table(index));
                 }
@@ -328,17 +252,7 @@ fn dot_rows<S: Simd>(simd: S, input: &[f32], rows: &[f32], weights: [f32; 4]) ->
             total[v] = simd.add_f32s(total[v], simd.mul_f32s(sum[v], simd.splat_f32s(weight)));
         }
     }
-    let mut lanes = [0.0f32; LANES];
-    lanes.copy_from_slice(bytemuck::cast_slice(&total[..vectors]));
-    // Pairwise, in an order that does not depend on the vectors.
-    let mut width = LANES / 2;
-    while width > 0 {
-        for lane in 0..width {
-            lanes[lane] += lanes[lane + width];
-        }
-        width /= 2;
-    }
-    lanes[0]
+    kernel::total::<S>(&total[..vectors])
 }
 
 #[cfg(test)]
@@ -440,10 +354,14 @@ pub(super) mod tests {
         let input = tone(0.137, 600);
         let samples = Samples { samples: &input, looped: false };
         let half = table(0).half_width as f64;
-        let cutoff = 0.5 - transition(table(0).half_width) / 2.0;
+        let cutoff = 0.5 - kernel::transition(table(0).half_width, 103.08) / 2.0;
         for position in [300.0, 300.25, 300.501, 255.999] {
             let kernel = |x: f64| {
-                if x.abs() < half { 2.0 * cutoff * sinc(2.0 * cutoff * x) * kaiser(x / half) } else { 0.0 }
+                if x.abs() < half {
+                    2.0 * cutoff * kernel::sinc(2.0 * cutoff * x) * kaiser(x / half)
+                } else {
+                    0.0
+                }
             };
             let (mut value, mut weight) = (0.0, 0.0);
             for (k, &x) in input.iter().enumerate() {

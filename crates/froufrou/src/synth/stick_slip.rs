@@ -26,7 +26,8 @@ use std::sync::OnceLock;
 
 use super::gate::{Gate, control, finite, smooth_step};
 use super::instrument::{Control, Generator, Instrument, Parameters, Ramp, Stretch};
-use super::sinc::{kaiser, sinc};
+use super::kernel::sinc;
+use super::sinc::kaiser;
 use crate::Result;
 use crate::random::Random;
 

@@ -72,6 +72,11 @@ impl Sound {
         (energy, moment / self.rate_hz.powi(2) / energy)
     }
 
+    /// The splash of the channel that splashes most.
+    pub fn worst_splash_db(&self) -> f64 {
+        (0..self.channels).map(|channel| self.splash_db(channel)).fold(f64::MIN, f64::max)
+    }
+
     /// What the loudest moment of a channel holds away from its tone of 1 kHz, against the tone at its loudest, in
     /// decibels.
     pub fn splash_db(&self, channel: usize) -> f64 {
@@ -115,6 +120,13 @@ impl Studio {
     /// Writes a mono recording of 32-bit floats.
     pub fn recording(&self, name: &str, rate_hz: u32, samples: &[f32]) {
         write_wav(&self.path(name), rate_hz, 1, samples);
+    }
+
+    /// Writes a second of a tone of 1 kHz, and gives its samples: whole periods, so that its loop has no seam.
+    pub fn tone(&self, name: &str) -> Vec<f32> {
+        let tone: Vec<f32> = (0..48_000).map(|n| (0.5 * (TAU * f64::from(n) / 48.0).sin()) as f32).collect();
+        self.recording(name, 48_000, &tone);
+        tone
     }
 
     /// Writes a short hit that no sampling rate cuts off: the same at every rate that it is read at.

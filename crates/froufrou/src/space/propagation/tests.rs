@@ -18,8 +18,7 @@ fn line(thread: u64, time_s: f64, verb: Verb, position_m: [f64; 3]) -> Result<Ob
 }
 
 fn start() -> Verb {
-    let (sound, object, cause) = ("s".into(), String::new(), String::new());
-    Verb::Start(Start { sound, speed: 1.0, offset_s: 0.0, object, cause, pattern: String::new() })
+    Verb::Start(Start::new("s"))
 }
 
 fn hear(time_s: f64, position_m: [f64; 3], cut: bool) -> Result<ObjectLine> {

@@ -4,7 +4,7 @@ use super::super::bands::BANDS_HZ;
 use super::super::convolution::Convolver;
 use crate::Result;
 use crate::random::Random;
-use crate::synth::sinc::{kaiser_of, sinc};
+use crate::synth::kernel::{kaiser, sinc};
 
 /// The transition between two bands of noise is this part of its frequency wide, and no wider than so many Hz.
 const TRANSITION: (f64, f64) = (0.2, 100.0);
@@ -38,7 +38,7 @@ impl Split {
                 let half = (0.5 * time_bandwidth / width_hz * rate_hz) as usize;
                 let cutoff = 2.0 * edge_hz / rate_hz;
                 let at = |tap: usize| tap as f64 - half as f64;
-                let window = |tap: usize| kaiser_of(at(tap) / (half + 1) as f64, beta);
+                let window = |tap: usize| kaiser(at(tap) / (half + 1) as f64, beta);
                 (0..=2 * half).map(|tap| window(tap) * cutoff * sinc(cutoff * at(tap))).collect()
             })
             .collect();

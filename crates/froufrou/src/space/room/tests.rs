@@ -84,7 +84,7 @@ fn the_impulse_response_is_that_of_pyroomacoustics() {
                 let x = tap as f64 - at;
                 let window =
                     if x.abs() <= 40.5 { 0.5 + 0.5 * (std::f64::consts::PI * x / 40.5).cos() } else { 0.0 };
-                *found += image.gains[0] / distance_m * window * crate::synth::sinc::sinc(x);
+                *found += image.gains[0] / distance_m * window * crate::synth::kernel::sinc(x);
             }
         }
         let power = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>();

@@ -4,27 +4,32 @@
 //! the block that is asked for, and forgets what has sounded. Its memory follows the number of
 //! threads that sound at once and the distance between their keys, not the length of the score.
 
+mod voices;
+mod ways;
+
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
-
 use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::bus::{Bus, LaneBlock, Spreading};
-use super::filter::{self, ChannelPassage, Filter, Filters, Passage};
+use super::bus::Bus;
+use super::filter::{self, Filter, Filters};
 use super::instrument::Instrument;
-use super::path::{PathBuilder, PathKey, Segment, UNFILTERED, UNSPREAD};
-use super::receivers::{self, Receiver};
+use super::path::{PathBuilder, PathKey, Segment};
+use super::receivers::Receiver;
 use super::sinc;
 use super::source::Source;
-use super::stretch::{self, Passing, Stretch};
-use super::voice::{self, Playback, Prototype, Signal};
+use super::stretch::Stretch;
+use super::voice::{Playback, Prototype};
 use crate::random::Random;
-use crate::score::{Arrival, ChannelLine, Cue, LATEST_S, LONGEST_DELAY_S, Start, Statement, Verb};
-use crate::space::bands::{BandFilters, Bands};
+use crate::score::{Arrival, ChannelLine, Cue, LATEST_S, Start, Statement, Verb};
+use crate::space::bands::BandFilters;
 use crate::{Error, Place, Result};
+use voices::Thread;
+pub use voices::{Block, Voices};
+use ways::{Ways, check_arrival};
 
 /// What a thread can play.
 #[derive(Clone)]
@@ -62,63 +67,6 @@ const SPEEDS: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
 /// keys may be apart.
 const FASTEST: f64 = 24.0;
 
-/// A path of a thread that sounds or will.
-struct Thread {
-    sound: usize,
-    playback: Playback,
-    /// The index of its object in [`Mixer::objects`].
-    object: usize,
-    /// One path a channel or bus: see [`Receiver::paths`].
-    builders: Vec<PathBuilder>,
-    stretches: Vec<Vec<Stretch>>,
-    /// What its segments pass.
-    filters: Filters,
-    ended: bool,
-    /// Whether it begins within the sound, and else how far before its first key it may ring.
-    fades_in: bool,
-    lead_s: f64,
-}
-
-impl Thread {
-    /// What is known of all its paths.
-    fn segments(&self) -> impl Iterator<Item = &Segment> {
-        self.stretches.iter().flatten().map(|stretch| &stretch.segment)
-    }
-
-    /// The arrival time up to which every channel's path is known.
-    fn known_s(&self) -> f64 {
-        if self.ended {
-            return f64::INFINITY;
-        }
-        self.builders.iter().map(PathBuilder::known_s).fold(f64::INFINITY, f64::min)
-    }
-
-    /// The latest emission time that is heard before an arrival time, as far as the paths are known.
-    fn emitted_before_s(&self, arrival_s: f64) -> Option<f64> {
-        let heard = self.segments().filter(|segment| segment.begin_s < arrival_s);
-        let latest = heard.map(|segment| segment.emission_s(segment.end_s.min(arrival_s)));
-        latest.max_by(f64::total_cmp)
-    }
-
-    /// The earliest emission time that is heard from an arrival time on.
-    fn emitted_from_s(&self, arrival_s: f64) -> f64 {
-        let known = self.segments().filter(|segment| segment.end_s > arrival_s);
-        let known = known.map(|segment| segment.emission_s(segment.begin_s.max(arrival_s)));
-        let coming = self.builders.iter().filter(|_| !self.ended).map(PathBuilder::coming_s);
-        known.chain(coming).fold(f64::INFINITY, f64::min)
-    }
-}
-
-/// The samples of one block.
-#[derive(Debug, Clone, Default)]
-pub struct Block {
-    /// The mix: all frames of the first channel, then those of the second and so on.
-    pub mix: Vec<f64>,
-    /// The part of each object that sounds in the block, by its index, laid out like the mix; only
-    /// where stems are asked for.
-    pub stems: BTreeMap<usize, Vec<f64>>,
-}
-
 /// A thread that has begun, for the log.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Begun {
@@ -132,175 +80,6 @@ pub struct Begun {
     pub gain: f64,
     /// What it plays and why.
     pub start: Start,
-}
-
-/// The threads that sound, as they are known so far: what is needed to render, and may be shared
-/// between cores.
-pub struct Voices {
-    rate_hz: f64,
-    channels: usize,
-    receivers: Vec<Receiver>,
-    /// What makes the filter of some gains of octave bands; none at a rate that has no such filters.
-    colours: Option<BandFilters>,
-    identity: Filter,
-    /// How many paths a thread takes to all receivers.
-    paths: usize,
-    /// Those among them that lead to channels which follow one another, and the first of these channels.
-    runs: Vec<(Range<usize>, usize)>,
-    /// The buses, each with the path that leads to it.
-    buses: Vec<(usize, Bus)>,
-    /// By how many frames the bus that is read furthest ahead is.
-    ahead: usize,
-    /// For so many frames a filter makes what arrives heard before and after its time.
-    lead: usize,
-    tail: usize,
-    /// What passes filters is read in pieces of at most so many frames, each whole.
-    piece: usize,
-    sounds: Vec<Sounding>,
-    threads: BTreeMap<(u64, u32), Thread>,
-    /// The signals of the threads that are synthesised.
-    sources: BTreeMap<u64, Source>,
-}
-
-impl Voices {
-    fn signal(&self, thread: u64, sound: usize) -> Option<Signal<'_>> {
-        match &self.sounds[sound] {
-            Sounding::Recording(prototype) => Some(prototype.signal()),
-            Sounding::Instrument(_) => self.sources.get(&thread).map(Source::signal),
-        }
-    }
-
-    /// Renders the frames from `frame` on. They must have been read ([`Mixer::read_to`]) and not
-    /// released ([`Mixer::release`]). Blocks may be rendered in any order and at the same time.
-    pub fn render(&self, frame: u64, frames: usize, with_stems: bool) -> Block {
-        let mut block = Block { mix: vec![0.0; frames * self.channels], stems: BTreeMap::new() };
-        let mut scratch = Scratch { voice: vec![0.0; frames], ..Scratch::default() };
-        let begin_s = frame.saturating_sub(self.tail as u64) as f64 / self.rate_hz;
-        let end_s = (frame + (frames + self.lead) as u64) as f64 / self.rate_hz;
-        for (&(id, _), thread) in &self.threads {
-            let Some(signal) = self.signal(id, thread.sound) else { continue };
-            let groups = self.runs.iter().flat_map(|(paths, first)| {
-                let all = &thread.stretches[paths.clone()];
-                // Channels that differ in their gains alone hear one reading.
-                let groups = all.chunk_by(|a, b| are_alike(a, b));
-                groups.map(move |group| (first + offset_of(all, group), group))
-            });
-            for (first_channel, group) in groups {
-                for (index, stretch) in group[0].iter().enumerate() {
-                    let segment = &stretch.segment;
-                    let gains = || group.iter().map(|stretches| stretches[index].segment.gain);
-                    if segment.begin_s >= end_s || segment.end_s <= begin_s || gains().all(|g| g == [0.0; 2])
-                    {
-                        continue;
-                    }
-                    let gain = if group.len() == 1 { segment.gain } else { [1.0; 2] };
-                    let touched = self.add_stretch(thread, signal, stretch, gain, frame, &mut scratch);
-                    let part = &mut scratch.voice[touched.clone()];
-                    for (channel, gain) in gains().enumerate().filter(|&(_, gain)| gain != [0.0; 2]) {
-                        let begin = (first_channel + channel) * frames;
-                        let at = begin + touched.start..begin + touched.end;
-                        let first = frame + touched.start as u64;
-                        let into = |to: &mut [f64]| match group.len() {
-                            1 => add(to, part),
-                            _ => add_faded(to, part, &Segment { gain, ..*segment }, first, self.rate_hz),
-                        };
-                        into(&mut block.mix[at.clone()]);
-                        if with_stems {
-                            let stem = block.stems.entry(thread.object);
-                            into(&mut stem.or_insert_with(|| vec![0.0; frames * self.channels])[at]);
-                        }
-                    }
-                    part.fill(0.0);
-                }
-            }
-        }
-        block
-    }
-
-    /// The buses, in the order of their receivers.
-    pub fn buses(&self) -> impl Iterator<Item = &Bus> {
-        self.buses.iter().map(|(_, bus)| bus)
-    }
-
-    /// Renders the frames of a bus's lanes from `frame` on, as [`Voices::render`] does those of the channels: what
-    /// arrives at the bus, before its responses. They must have been read as far as the bus is read
-    /// [ahead](Bus::lead) of the channels, which [`Mixer::read_to`] sees to.
-    pub fn render_lanes(&self, bus: usize, frame: u64, frames: usize, with_stems: bool) -> LaneBlock {
-        let mut block = LaneBlock { frames, ..LaneBlock::default() };
-        let Some((path, bus)) = self.buses.get(bus) else { return block };
-        let mut scratch = Scratch { voice: vec![0.0; frames], ..Scratch::default() };
-        let mut gains = [Vec::new(), Vec::new()];
-        let begin_s = frame.saturating_sub(self.tail as u64) as f64 / self.rate_hz;
-        let end_s = (frame + (frames + self.lead) as u64) as f64 / self.rate_hz;
-        for (&(id, _), thread) in &self.threads {
-            let Some(signal) = self.signal(id, thread.sound) else { continue };
-            let signal = Signal { kernel: bus.kernel(), ..signal };
-            for stretch in &thread.stretches[*path] {
-                let segment = &stretch.segment;
-                if segment.begin_s >= end_s || segment.end_s <= begin_s || segment.gain == [0.0; 2] {
-                    continue;
-                }
-                let touched = self.add_stretch(thread, signal, stretch, [1.0; 2], frame, &mut scratch);
-                if touched.is_empty() {
-                    continue;
-                }
-                bus.gains(segment, &thread.filters, &mut gains);
-                let part = &mut scratch.voice[touched.clone()];
-                let into = |out: &mut Vec<f32>| {
-                    out.resize(frames * bus.lanes(), 0.0);
-                    pulp::Arch::new().dispatch(Spreading {
-                        samples: part,
-                        segment,
-                        rate_hz: self.rate_hz,
-                        first: frame + touched.start as u64,
-                        gains: &gains,
-                        out,
-                        frames,
-                        offset: touched.start,
-                    });
-                };
-                into(&mut block.mix);
-                if with_stems {
-                    into(block.stems.entry(thread.object).or_default());
-                }
-                part.fill(0.0);
-            }
-        }
-        block
-    }
-
-    /// Renders a stretch with a gain of its path or another; the range of the block that was touched.
-    fn add_stretch(
-        &self,
-        thread: &Thread,
-        signal: Signal<'_>,
-        stretch: &Stretch,
-        gain: [f64; 2],
-        frame: u64,
-        scratch: &mut Scratch,
-    ) -> Range<usize> {
-        let Scratch { voice, window, memory } = scratch;
-        let (playback, rate_hz) = (&thread.playback, self.rate_hz);
-        if stretch.segment.filter == [UNFILTERED; 2] {
-            let segment = Segment { gain, ..stretch.segment };
-            return voice::add_segment(signal, playback, &segment, rate_hz, frame, voice, window);
-        }
-        let filter = |number: u32| match number {
-            UNFILTERED => Some(&self.identity),
-            number => thread.filters.get(number),
-        };
-        let [Some(from), Some(to)] = stretch.segment.filter.map(filter) else { return 0..0 };
-        let passing = Passing { signal, playback, rate_hz, filters: [from, to] };
-        stretch.add(&passing, gain, frame, voice, window, memory)
-    }
-}
-
-/// Memory that rendering uses again and again.
-#[derive(Default)]
-struct Scratch {
-    voice: Vec<f64>,
-    window: Vec<f32>,
-    memory: stretch::Memory,
 }
 
 /// Mixes the lines of a channel-space score, which come in time order.
@@ -834,126 +613,7 @@ fn in_thread(fault: Error, thread: u64, sound: Option<usize>, names: &BTreeMap<S
     }
 }
 
-/// Says what an arrival has that cannot be mixed.
-fn check_arrival(arrival: &Arrival, receiver: &Receiver) -> Result<(), String> {
-    if !arrival.gain.is_finite() {
-        return Err(format!("a gain of {}", arrival.gain));
-    }
-    match (receiver.has_places(), arrival.from_m) {
-        (false, None) => {}
-        (true, Some(from_m)) if from_m.iter().all(|c| c.is_finite()) => {}
-        (false, Some(_)) => return Err("a place from where it comes to a channel".into()),
-        (true, _) => return Err("no place from where it comes to a head".into()),
-    }
-    if let Some(gain) = arrival.bands.iter().flatten().find(|gain| !(gain.is_finite() && **gain >= 0.0)) {
-        return Err(format!("a gain of {gain} of an octave band"));
-    }
-    if !(0.0..=LONGEST_DELAY_S).contains(&arrival.delay_s) {
-        return Err(format!("a delay of {} s, not 0 to {LONGEST_DELAY_S} s,", arrival.delay_s));
-    }
-    Ok(())
-}
-
-/// How what arrives at receivers becomes the keys of their paths.
-struct Ways<'a> {
-    receivers: &'a [Receiver],
-    colours: Option<&'a BandFilters>,
-}
-
-/// All plain channels are one receiver, as far as their filters go: what has one colour in several of them passes
-/// one filter.
-const CHANNELS: usize = usize::MAX;
-
-impl Ways<'_> {
-    /// The keys of all paths for what arrives at the receivers.
-    fn keys(&self, filters: &mut Filters, emission_s: f64, value: &[Arrival]) -> Vec<PathKey> {
-        let mut keys = Vec::with_capacity(value.len());
-        for (index, (receiver, arrival)) in self.receivers.iter().zip(value).enumerate() {
-            let &Arrival { mut gain, delay_s, from_m, mut bands } = arrival;
-            // Where all bands are alike there is no colour.
-            if let Some(all) = bands.filter(|all| all.iter().all(|band| *band == all[0])) {
-                (gain, bands) = (gain * all[0], None);
-            }
-            let plain = PathKey { emission_s, delay_s, gain, filter: UNFILTERED, spread: UNSPREAD };
-            let plain = match receiver {
-                Receiver::Bus(bus) => bus.key(plain, from_m, filters),
-                _ => plain,
-            };
-            let (number, count) = match receiver {
-                Receiver::Channel | Receiver::Bus(_) if bands.is_none() => {
-                    keys.push(plain);
-                    continue;
-                }
-                // One colour is one filter, from wherever it comes.
-                Receiver::Channel | Receiver::Bus(_) => (CHANNELS, 1),
-                Receiver::Head(_) => (index, 2),
-            };
-            let from_m = from_m.filter(|_| count == 2);
-            let passages = filters.last(number, from_m, bands).or_else(|| {
-                let channels = self.passages(receiver, from_m, bands, filters)?;
-                filters.remember(number, Passage { from_m, bands, channels });
-                Some(channels)
-            });
-            // No colour comes here without filters: see `follow`.
-            let passages =
-                passages.unwrap_or([ChannelPassage { delay_s: 0.0, gain: 1.0, filter: UNFILTERED }; 2]);
-            keys.extend(passages.iter().take(count).map(|passage| PathKey {
-                delay_s: (delay_s + passage.delay_s).clamp(0.0, LONGEST_DELAY_S),
-                gain: gain * passage.gain,
-                filter: passage.filter,
-                ..plain
-            }));
-        }
-        keys
-    }
-
-    fn passages(
-        &self,
-        receiver: &Receiver,
-        from_m: Option<[f64; 3]>,
-        bands: Option<Bands>,
-        filters: &mut Filters,
-    ) -> Option<[ChannelPassage; 2]> {
-        match (receiver, from_m) {
-            (Receiver::Head(head), Some(from_m)) => Some(head.ears(from_m, bands, self.colours, filters)),
-            _ => {
-                let filter = filters.push(receivers::colour(&bands?, self.colours?));
-                Some([ChannelPassage { delay_s: 0.0, gain: 1.0, filter }; 2])
-            }
-        }
-    }
-}
-
 /// The paths of a thread of which nothing is known yet.
 fn unheard(paths: usize) -> Vec<Vec<Stretch>> {
     std::iter::repeat_with(Vec::new).take(paths).collect()
-}
-
-/// Whether two channels hear a thread with other gains at most.
-fn are_alike(a: &[Stretch], b: &[Stretch]) -> bool {
-    let same = |(a, b): (&Stretch, &Stretch)| Segment { gain: b.segment.gain, ..a.segment } == b.segment;
-    a.len() == b.len() && a.iter().zip(b).all(same)
-}
-
-/// Which of all elements the first of a part of them is.
-fn offset_of<T>(all: &[T], part: &[T]) -> usize {
-    all.element_offset(&part[0]).unwrap_or(0)
-}
-
-/// Adds samples from a frame on with the gain of a segment.
-fn add_faded(to: &mut [f64], from: &[f64], segment: &Segment, first: u64, rate_hz: f64) {
-    let [begin, end] = segment.gain;
-    let slope = (end - begin) / (segment.end_s - segment.begin_s);
-    for ((to, from), index) in to.iter_mut().zip(from).zip(0..) {
-        let arrival_s = (first + index) as f64 / rate_hz;
-        // What rings on in a filter keeps the gain that it had at the end.
-        let arrival_s = arrival_s.clamp(segment.begin_s, segment.end_s);
-        *to += from * (begin + slope * (arrival_s - segment.begin_s));
-    }
-}
-
-fn add(to: &mut [f64], from: &[f64]) {
-    for (to, from) in to.iter_mut().zip(from) {
-        *to += from;
-    }
 }
