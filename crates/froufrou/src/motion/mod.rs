@@ -3,6 +3,8 @@
 pub mod contacts;
 pub mod event;
 pub mod impact;
+pub mod moving;
+pub mod rigid;
 pub mod rub;
 pub mod slide;
 

@@ -60,7 +60,7 @@ impl Production {
     /// # Errors
     /// A log that cannot be read.
     pub fn events(&self) -> Result<Events> {
-        Events::open(&self.scene)
+        Events::open(&self.scene, &self.world)
     }
 
     /// The lines of its score in object space.

@@ -58,6 +58,8 @@ pub struct Scene {
     pub sounds: Vec<SceneSound>,
     /// The contact logs of simulations.
     pub contacts: Vec<Contacts>,
+    /// Objects whose contacts are found from how they move.
+    pub touching: Vec<Touching>,
 }
 
 /// Walls without gaps.
@@ -146,6 +148,8 @@ pub struct Material {
     pub air: Option<AirSound>,
     /// What it does to the sound of others.
     pub acoustics: Acoustics,
+    /// In kilograms a cubic metre.
+    pub density: f64,
 }
 
 /// What a material does to sound that meets it.
@@ -283,6 +287,8 @@ pub struct Object {
     pub material: Option<usize>,
     /// Which bodies of the contact logs it is.
     pub body: NamePattern,
+    /// In kilograms, each of its bodies; what its volume weighs where `None`.
+    pub mass_kg: Option<f64>,
 }
 
 /// A simple shape about the origin of the local frame.
@@ -399,6 +405,15 @@ pub struct Contacts {
     pub columns: ContactColumns,
     /// Length of the simulation's step in seconds; `None`: found from the log's time stamps.
     pub step_s: Option<f64>,
+}
+
+/// Objects whose contacts are found from how they move.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Touching {
+    /// Names of objects or of their bodies, or patterns; not empty.
+    pub bodies: Vec<NamePattern>,
+    /// What pulls them, in m/s².
+    pub gravity_mps2: [f64; 3],
 }
 
 impl Scene {

@@ -9,7 +9,9 @@ use crate::{Error, Place, Result};
 use super::asset::{Asset, Folder, NamePattern};
 use super::contact_log::{ContactColumns, Push};
 use super::conventions::{Conventions, UpAxis};
-use super::file::{Contacts, Emitter, Microphone, Motion, Object, Point, Scene, Size, Source, Swarm, Wind};
+use super::file::{
+    Contacts, Emitter, Microphone, Motion, Object, Point, Scene, Size, Source, Swarm, Touching, Wind,
+};
 use super::listener::{CARDIOID, Layout, Listener, OMNI};
 use super::obj;
 use super::toml::{Document, Node, Table, nearest};
@@ -91,6 +93,7 @@ const OBJECT: Keys = &[
     "offset",
     "point",
     "material",
+    "mass",
     "body",
     "sound",
 ];
@@ -98,7 +101,7 @@ const OBJECT_KEY: Keys = &["t", "position"];
 const POINT: Keys = &["vertex"];
 const SWARM: Keys = &["count", "radius", "speed", "script"];
 const WIND: Keys = &["velocity", "gusts", "gust_period"];
-const CONTACTS: Keys = &["log", "columns", "step", "up", "unit", "time_offset"];
+const CONTACTS: Keys = &["log", "bodies", "gravity", "columns", "step", "up", "unit", "time_offset"];
 const COLUMNS: Keys = &[
     "t",
     "a",
@@ -156,6 +159,8 @@ const RATE_HZ: (u64, u64) = (8_000, 192_000);
 const INTERPOLATIONS: &[(&str, Interpolation)] =
     &[("smooth", Interpolation::Smooth), ("linear", Interpolation::Linear), ("step", Interpolation::Step)];
 const AHEAD: [f64; 3] = [0.0, 0.0, -1.0];
+/// What pulls bodies whose contacts are found from how they move, where nothing is said.
+const GRAVITY_MPS2: [f64; 3] = [0.0, -9.81, 0.0];
 
 /// The longest scene file that is read, in bytes.
 const LONGEST_FILE_BYTES: u64 = 16 << 20;
@@ -247,6 +252,7 @@ fn scene(text: &str, file: &Path, folder_path: &Path, folder: &Folder) -> Result
         objects: Vec::new(),
         sounds: Vec::new(),
         contacts: Vec::new(),
+        touching: Vec::new(),
     };
     if let Some(node) = top.get("material") {
         for (name, node) in node.named()?.entries() {
@@ -287,7 +293,12 @@ fn scene(text: &str, file: &Path, folder_path: &Path, folder: &Folder) -> Result
         scene.sounds.push(sounds::sound(&table, emitter, &scene.instruments, folder)?);
     }
     for node in list(&top, "contacts")? {
-        scene.contacts.push(contacts(&node.table(CONTACTS)?, folder)?);
+        let table = node.table(CONTACTS)?;
+        table.at_most_one(&["log", "bodies"])?;
+        match table.get("bodies") {
+            Some(bodies) => scene.touching.push(touching(&table, &bodies)?),
+            None => scene.contacts.push(contacts(&table, folder)?),
+        }
     }
     Ok(scene)
 }
@@ -665,11 +676,12 @@ fn object(table: &Table<'_, '_>, materials: &HashMap<&str, usize>, folder: &Fold
         None => NamePattern::literal(&name),
     };
     let size = table.get("size").map(|node| size(&node)).transpose()?;
+    let mass_kg = table.get("mass").map(|node| node.within("kilograms", 1e-9, 1e12)).transpose()?;
     let swarm = table.get("swarm").map(|node| swarm(&node, folder)).transpose()?;
     if swarm.is_some() && motion.is_none() {
         return Err(table.error("a swarm needs a middle: `source`, `position` or `track`"));
     }
-    Ok(Object { name, motion, swarm, size, point, material, body })
+    Ok(Object { name, motion, swarm, size, point, material, body, mass_kg })
 }
 
 fn emitter(table: &Table<'_, '_>, objects: &[Object], names: &HashMap<String, usize>) -> Result<Emitter> {
@@ -691,8 +703,25 @@ fn emitter(table: &Table<'_, '_>, objects: &[Object], names: &HashMap<String, us
     Ok(Emitter::Object(index))
 }
 
+/// Objects whose contacts are found from how they move.
+fn touching(table: &Table<'_, '_>, bodies: &Node<'_, '_>) -> Result<Touching> {
+    for key in ["columns", "step", "up", "unit", "time_offset"] {
+        needs(table, key, "a `log`")?;
+    }
+    let what = "the names of objects, or patterns";
+    let pattern = |node: &Node<'_, '_>| with_place(node, NamePattern::new(&node.text(what)?));
+    let patterns: Vec<NamePattern> = one_or_many(bodies)?.iter().map(pattern).collect::<Result<_>>()?;
+    if patterns.is_empty() {
+        return Err(bodies.expected(what));
+    }
+    let gravity_mps2 =
+        table.get("gravity").map_or(Ok(GRAVITY_MPS2), |node| node.vector("m/s² as [x, y, z]"))?;
+    Ok(Touching { bodies: patterns, gravity_mps2 })
+}
+
 fn contacts(table: &Table<'_, '_>, folder: &Folder) -> Result<Contacts> {
-    let log = table.required("log", "the name of a CSV file, which may be gzipped")?;
+    needs(table, "gravity", "`bodies`")?;
+    let log = table.required("log", "the name of a CSV file, which may be gzipped, or `bodies` instead")?;
     let asset = with_place(&log, folder.file(&log.text("the name of a CSV file")?))?;
     let columns = table.required("columns", "a table of the log's column names")?.table(COLUMNS)?;
     let name = |key: &str| columns.required(key, "the name of a column")?.text("the name of a column");

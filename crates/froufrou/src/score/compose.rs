@@ -17,12 +17,13 @@ use super::{
     Radiation, Start, Statement, Verb,
 };
 use crate::motion::contacts::LogEvents;
-use crate::motion::event::{Event, Impact, Rub};
+use crate::motion::event::{Cause, Event, Impact, Rub};
+use crate::motion::moving::MovingBodies;
 use crate::random::Random;
 use crate::scene::file::{
     Acoustics, Emitter, ImpactSound, Material, Played, RubSound, Scene, SceneSound, StartKey, Timing,
 };
-use crate::scene::world::{Carrier, World};
+use crate::scene::world::{Body, Carrier, World};
 use crate::{Error, Result};
 
 /// Where nothing moves, a line comes this often all the same, so that a score can be mixed as it is
@@ -96,19 +97,29 @@ pub struct SoundFacts {
     pub controls: Vec<String>,
 }
 
-/// What happens in a scene by itself, told by its contact logs, in time order.
+/// What happens in a scene by itself, told by its contact logs and by how its objects move, in time order.
 pub struct Events {
-    logs: Vec<Peekable<LogEvents>>,
+    sources: Vec<Peekable<EventSource>>,
 }
 
+type EventSource = Box<dyn Iterator<Item = Result<Event>> + Send>;
+
 impl Events {
-    /// Opens the contact logs of a scene.
+    /// Opens the contact logs of a scene, and looks at the objects whose contacts are found from their motion.
     ///
     /// # Errors
-    /// A log that cannot be read.
-    pub fn open(scene: &Scene) -> Result<Self> {
-        let logs = scene.contacts.iter().map(|contacts| Ok(LogEvents::open(contacts)?.peekable()));
-        Ok(Self { logs: logs.collect::<Result<_>>()? })
+    /// A log that cannot be read; an object that is not there, or is no rigid body.
+    pub fn open(scene: &Scene, world: &World) -> Result<Self> {
+        let mut sources: Vec<Peekable<EventSource>> = Vec::new();
+        for contacts in &scene.contacts {
+            let log: EventSource = Box::new(LogEvents::open(contacts)?);
+            sources.push(log.peekable());
+        }
+        for touching in &scene.touching {
+            let bodies: EventSource = Box::new(MovingBodies::open(scene, world, touching)?);
+            sources.push(bodies.peekable());
+        }
+        Ok(Self { sources })
     }
 }
 
@@ -117,8 +128,8 @@ impl Iterator for Events {
 
     fn next(&mut self) -> Option<Self::Item> {
         let mut first: Option<(usize, f64)> = None;
-        for (index, log) in self.logs.iter_mut().enumerate() {
-            let time_s = match log.peek() {
+        for (index, source) in self.sources.iter_mut().enumerate() {
+            let time_s = match source.peek() {
                 None => continue,
                 Some(Err(_)) => f64::NEG_INFINITY,
                 Some(Ok(event)) => event.time_s(),
@@ -127,7 +138,7 @@ impl Iterator for Events {
                 first = Some((index, time_s));
             }
         }
-        self.logs[first?.0].next()
+        self.sources[first?.0].next()
     }
 }
 
@@ -579,9 +590,16 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         Ok(())
     }
 
-    /// The objects that a body of a log is, which is one or none.
-    fn object_of(&self, body: &str) -> Option<usize> {
-        self.scene.objects.iter().position(|object| object.body.matches(body))
+    /// The object that a body is, which is one or none: logs have names of their own, what is told by motion alone
+    /// has those of the world.
+    fn object_of(&self, body: &str, cause: &Cause) -> Option<usize> {
+        let of_log = || self.scene.objects.iter().position(|object| object.body.matches(body));
+        let of_world =
+            || self.world.objects.iter().position(|bodies| bodies.iter().any(|other| other.name == body));
+        match cause {
+            Cause::Log(_) => of_log(),
+            Cause::Motion(_) => of_world().or_else(of_log),
+        }
     }
 
     /// Lets both bodies of an impact sound, as their materials have it.
@@ -590,7 +608,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             return Ok(());
         }
         for (body, other) in [(&impact.a, &impact.b), (&impact.b, &impact.a)] {
-            let Some(index) = self.object_of(body) else { continue };
+            let Some(index) = self.object_of(body, &impact.cause) else { continue };
             let material = self.scene.objects[index].material.and_then(|m| self.scene.materials.get(m));
             let Some(sound) = material.and_then(|m| m.impact.as_ref()) else { continue };
             let pair = (body.clone(), other.clone(), index);
@@ -616,7 +634,8 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         time_s: f64,
     ) -> Result<(Carrier, String)> {
         let bodies = &self.world.objects[index];
-        let named = bodies.iter().find(|b| b.name.rsplit('/').next() == Some(body)).or(bodies.first());
+        let is_it = |b: &&Body| b.name == body || b.name.rsplit('/').next() == Some(body);
+        let named = bodies.iter().find(is_it).or(bodies.first());
         let carrier = match named.and_then(|b| b.carrier.as_ref()) {
             Some(carrier) => carrier.holding(position_m, time_s)?,
             None => Carrier::still(position_m),
@@ -693,7 +712,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             return Ok(());
         }
         for (body, other) in [(&rub.a, &rub.b), (&rub.b, &rub.a)] {
-            let Some(index) = self.object_of(body) else { continue };
+            let Some(index) = self.object_of(body, &rub.cause) else { continue };
             let material = self.scene.objects[index].material.and_then(|m| self.scene.materials.get(m));
             let Some(sound) = material.and_then(|m| how.sound(m)) else { continue };
             if rub.speed_mps >= sound.floor_speed_mps {

@@ -169,8 +169,14 @@ impl Mover {
         let Some(pose) = self.pose(frame).copied() else { return };
         let before = frame.checked_sub(1).and_then(|before| self.track.step(before)).copied();
         let still = DVec3::ZERO;
-        self.piece =
-            Piece { from_s: time_s, at: pose.at, velocity: still, acceleration: still, turn: pose.turn, spin: still };
+        self.piece = Piece {
+            from_s: time_s,
+            at: pose.at,
+            velocity: still,
+            acceleration: still,
+            turn: pose.turn,
+            spin: still,
+        };
         self.is_known = !self.body.moves;
         if !self.body.moves {
             return;

@@ -10,7 +10,7 @@ use std::cmp::Ordering;
 use glam::DVec3;
 
 use super::body::{Hit, Mover, held};
-use super::proximity::{Prober, Touch, Two, pairs};
+use super::proximity::{Touch, Two, pairs};
 use super::rebound::{STAYS, Seen};
 use super::{Analyser, LEAST_IMPACT_MPS};
 use crate::motion::event::{Cause, Event, Impact, Moved};
@@ -51,8 +51,6 @@ pub(super) struct Pair {
     pub touches: bool,
     /// Within the interval: from when on they do.
     pub since_s: f64,
-    /// The frame before their last hit.
-    hit: Option<usize>,
     /// Hits within the interval.
     hits: u32,
     /// Not asked again within the interval.
@@ -66,8 +64,10 @@ pub(super) struct Pair {
 /// How two bodies bounced when it was seen last.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bounce {
-    /// What part of their closing speed they open with.
-    restitution: f64,
+    /// What part of their closing speed they open with, where it was told.
+    restitution: Option<f64>,
+    /// The frame before their last hit.
+    frame: usize,
     /// When it is forgotten.
     pub until_s: f64,
 }
@@ -147,7 +147,6 @@ impl Analyser {
                     last: now,
                     touches: false,
                     since_s: 0.0,
-                    hit: None,
                     hits: 0,
                     settled: false,
                     force_n: 0.0,
@@ -179,9 +178,9 @@ impl Analyser {
             if let Some(impact) = came_of_it {
                 events.extend(impact.map(Event::Impact));
                 for (other, keyed) in keys.iter().enumerate() {
-                    let shares = keyed.iter().any(|body| {
-                        bodies.contains(body) && self.movers[*body as usize].inverse_mass > 0.0
-                    });
+                    let shares = keyed
+                        .iter()
+                        .any(|body| bodies.contains(body) && self.movers[*body as usize].inverse_mass > 0.0);
                     if shares {
                         meetings[other] = self.meeting(*keyed, frame, meeting.time_s, to_s);
                     }
@@ -208,11 +207,16 @@ impl Analyser {
         let lasts_s = to_s - from_s;
         let speed = |time_s: f64| {
             (movers[0].piece.velocity(time_s) - movers[1].piece.velocity(time_s)).length()
-                + movers.iter().map(|mover| mover.piece.spin.length() * mover.body.shape.reach_m()).sum::<f64>()
+                + movers
+                    .iter()
+                    .map(|mover| mover.piece.spin.length() * mover.body.shape.reach_m())
+                    .sum::<f64>()
         };
         let way_m = speed(from_s).max(speed(to_s)) * lasts_s;
         let here = near(from_s, way_m + 1e-3)?;
-        let corners = if pair.touches && movers.iter().any(|m| m.body.shape.is_round() && m.body.shape.radius_m().is_none()) {
+        let corners = if pair.touches
+            && movers.iter().any(|m| m.body.shape.is_round() && m.body.shape.radius_m().is_none())
+        {
             CORNERS * smaller_m(movers)
         } else {
             0.0
@@ -254,19 +258,23 @@ impl Analyser {
         let time_s = (inside_s + touch.gap_m.min(0.0) / entering_mps).max(from_s);
         let closing_mps = closing(time_s);
         // What bounces until it is no more heard has to come to rest; what rests already does not matter.
-        if closing_mps < LEAST_IMPACT_MPS && (closing_mps <= 0.0 || pair.hit.is_none_or(|hit| hit + 2 < frame)) {
+        if closing_mps < LEAST_IMPACT_MPS && (closing_mps <= 0.0 || !self.has_just_hit(bodies, frame)) {
             return None;
         }
         let meeting = Meeting { time_s, touch, closing_mps };
         self.came(bodies, frame, &meeting).then_some(meeting)
     }
 
+    /// Whether two bodies have hit in one of the last intervals.
+    fn has_just_hit(&self, bodies: [u32; 2], frame: usize) -> bool {
+        self.bounces.get(&bodies).is_some_and(|bounce| bounce.frame + 3 >= frame)
+    }
+
     /// Whether the frames before show that two bodies came towards each other where they are told to meet: what rests
     /// on each other does not, whatever is made of its accelerations.
     fn came(&self, bodies: [u32; 2], frame: usize, meeting: &Meeting) -> bool {
         let movers = two(&self.movers, bodies);
-        let pair = &self.pairs[&bodies];
-        if pair.hit.is_some_and(|hit| hit + 2 >= frame) {
+        if self.has_just_hit(bodies, frame) {
             return true;
         }
         let Some(before) = frame.checked_sub(1) else { return false };
@@ -298,18 +306,18 @@ impl Analyser {
         let jumps = movers.iter().any(|mover| mover.body.moves && mover.track.step(frame + 1).is_none());
         let then_s = self.time_s(frame + 2).filter(|_| !jumps);
         let then = then_s.and_then(|then_s| seen_at(frame + 2, then_s));
-        let both_round = movers.iter().all(|mover| mover.body.shape.radius_m().is_some() || !mover.body.moves);
+        let both_round =
+            movers.iter().all(|mover| mover.body.shape.radius_m().is_some() || !mover.body.moves);
         let seen = Seen {
             closing_mps,
             acceleration: (movers[1].piece.acceleration - movers[0].piece.acceleration).dot(touch.normal),
             next,
             then,
-            restitution: self.bounces.get(&bodies).map(|bounce| bounce.restitution),
+            restitution: self.bounces.get(&bodies).and_then(|bounce| bounce.restitution),
             repeats: both_round,
         };
         let is_heard = closing_mps >= LEAST_IMPACT_MPS;
         let rebound = if is_heard { seen.rebound() } else { STAYS };
-        if std::env::var_os("DBG").is_some() { eprintln!("{bodies:?} {meeting:?}\n   {seen:?}\n  {rebound:?}"); }
         let inverse: f64 = movers
             .iter()
             .map(|mover| {
@@ -333,12 +341,14 @@ impl Analyser {
         let impulse_ns = (closing_mps + rebound.opening_mps) / inverse;
         pair.hits += 1;
         if is_heard {
-            pair.hit = Some(frame);
-        }
-        let height_m = rebound.opening_mps.powi(2) / 20.0;
-        if rebound.is_measured && both_round && rebound.misfit_m < 1e-5 + 0.02 * height_m {
-            let restitution = rebound.opening_mps / closing_mps;
-            self.bounces.insert(bodies, Bounce { restitution, until_s: time_s + REMEMBERS_S });
+            let height_m = rebound.opening_mps.powi(2) / 20.0;
+            let tells = rebound.is_measured && both_round && rebound.misfit_m < 1e-5 + 0.02 * height_m;
+            let until_s = time_s + REMEMBERS_S;
+            let bounce = self.bounces.entry(bodies).or_insert(Bounce { restitution: None, frame, until_s });
+            (bounce.frame, bounce.until_s) = (frame, until_s);
+            if tells {
+                bounce.restitution = Some(rebound.opening_mps / closing_mps);
+            }
         }
         let stays = rebound.opening_mps <= 0.0;
         if stays {
@@ -368,7 +378,14 @@ impl Analyser {
     }
 
     /// An impact as it is told: the bodies in the order of their names.
-    fn told(&self, bodies: [u32; 2], meeting: &Meeting, impulse_ns: f64, tangential_mps: f64, frame: usize) -> Impact {
+    fn told(
+        &self,
+        bodies: [u32; 2],
+        meeting: &Meeting,
+        impulse_ns: f64,
+        tangential_mps: f64,
+        frame: usize,
+    ) -> Impact {
         let movers = two(&self.movers, bodies);
         let place = meeting.touch.point;
         let on = movers.map(|mover| mover.on(place, &mover.piece.pose(meeting.time_s)));
@@ -416,7 +433,8 @@ impl Analyser {
                     let went_m = last.gap_m - before.gap_m;
                     // What is so near may still be flying.
                     let [va, vb] = movers.map(|mover| mover.piece.velocity_of(before.point, from_s));
-                    let pull = (movers[1].piece.acceleration - movers[0].piece.acceleration).dot(before.normal);
+                    let pull =
+                        (movers[1].piece.acceleration - movers[0].piece.acceleration).dot(before.normal);
                     let falls_m = 0.5 * pull * lasts_s * lasts_s;
                     let told_m = (vb - va).dot(before.normal) * lasts_s + falls_m;
                     let is_known = movers.iter().all(|mover| mover.is_known);
@@ -503,9 +521,10 @@ impl Mover {
             let velocity = (end.at - start.at) / after_s + acceleration * (0.5 * after_s);
             here = Some((velocity, super::pose::turned(start.turn, end.turn) / after_s));
         }
-        let next = self.track.step(frame + 1).map(|step| {
-            (step.velocity - acceleration * (0.5 * step.lasts_s), step.spin)
-        });
+        let next = self
+            .track
+            .step(frame + 1)
+            .map(|step| (step.velocity - acceleration * (0.5 * step.lasts_s), step.spin));
         let agrees = |one: DVec3, other: DVec3| (one - other).length() < 0.05 + 0.05 * other.length();
         let along = |v: DVec3| v.dot(hit.normal);
         // Where it comes to where it was told to along the normal, it is as fast there as it was told to be.

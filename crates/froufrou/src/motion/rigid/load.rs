@@ -92,7 +92,8 @@ mod tests {
         assert!((joints[0].force_n - 2.0 * G * tilt.cos()).abs() < 1e-9);
         // Freely falling, it presses on nothing; moved down faster, nothing pulls it.
         for acceleration in [-G, -2.0 * G] {
-            let mut needs = [Need::default(), Need { inverse_mass: 1.0, force: DVec3::Y * (acceleration + G) }];
+            let mut needs =
+                [Need::default(), Need { inverse_mass: 1.0, force: DVec3::Y * (acceleration + G) }];
             let mut joints = [on(0, 1)];
             share(&mut joints, &mut needs);
             assert_eq!(joints[0].force_n, 0.0);

@@ -110,7 +110,9 @@ impl Analyser {
     pub fn feed(&mut self, time_s: f64, transforms: &[Transform]) -> Result<()> {
         if transforms.len() != self.movers.len() {
             let (found, expected) = (transforms.len(), self.movers.len());
-            return Err(Error::new(format!("a frame of {found} transforms, and there are {expected} bodies")));
+            return Err(Error::new(format!(
+                "a frame of {found} transforms, and there are {expected} bodies"
+            )));
         }
         let since_s = self.times.back().map_or(f64::INFINITY, |last_s| time_s - last_s);
         if !time_s.is_finite() || since_s <= 0.0 {

@@ -4,7 +4,8 @@ use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 use parry3d_f64::query::{
-    ContactManifold, ContactManifoldsWorkspace, DefaultQueryDispatcher, PersistentQueryDispatcher, QueryDispatcher,
+    ContactManifold, ContactManifoldsWorkspace, DefaultQueryDispatcher, PersistentQueryDispatcher,
+    QueryDispatcher,
 };
 
 use super::pose::Pose;
@@ -30,7 +31,6 @@ pub(super) struct Touch {
 #[derive(Default)]
 pub(super) struct Prober {
     manifolds: Vec<ContactManifold<(), ()>>,
-    workspace: Option<ContactManifoldsWorkspace>,
 }
 
 /// Two bodies, where their centres are.
@@ -66,28 +66,33 @@ impl Prober {
         let between = a.inv_mul(&b);
         let (one, other) = (two.shapes[0].against(two.shapes[1]), two.shapes[1].against(two.shapes[0]));
         self.manifolds.clear();
-        self.workspace = None;
+        let mut workspace: Option<ContactManifoldsWorkspace> = None;
         DefaultQueryDispatcher
-            .contact_manifolds(&between, &**one, &**other, within_m, &mut self.manifolds, &mut self.workspace)
+            .contact_manifolds(&between, &**one, &**other, within_m, &mut self.manifolds, &mut workspace)
             .ok()?;
         let mut points: Vec<(f64, DVec3, DVec3)> = Vec::new();
         for manifold in &self.manifolds {
-            let normal = manifold.subshape_pos1().map_or(manifold.local_n1, |pose| pose.rotation * manifold.local_n1);
+            let normal =
+                manifold.subshape_pos1().map_or(manifold.local_n1, |pose| pose.rotation * manifold.local_n1);
             for point in &manifold.points {
                 let local = manifold
                     .subshape_pos1()
                     .map_or(point.local_p1, |pose| pose.transform_point(point.local_p1));
                 // Midway between the two surfaces.
-                points.push((point.dist, from_vector(local + normal * (0.5 * point.dist)), from_vector(normal)));
+                points.push((
+                    point.dist,
+                    from_vector(local + normal * (0.5 * point.dist)),
+                    from_vector(normal),
+                ));
             }
         }
         let nearest = points.iter().min_by(|a, b| a.0.total_cmp(&b.0)).copied()?;
         if nearest.0 > within_m {
             return None;
         }
-        let part = points.iter().filter(|(gap_m, _, normal)| {
-            *gap_m <= nearest.0 + SKIN_M && normal.dot(nearest.2) >= SAME_WAY
-        });
+        let part = points
+            .iter()
+            .filter(|(gap_m, _, normal)| *gap_m <= nearest.0 + SKIN_M && normal.dot(nearest.2) >= SAME_WAY);
         let (mut middle, mut weights) = (DVec3::ZERO, 0.0);
         for (gap_m, point, _) in part {
             // What is farther by a skin counts no more, so that the middle does not leap.
@@ -150,7 +155,9 @@ mod tests {
             assert!((touch.point - DVec3::new(0.3, 0.1 + touch.gap_m / 2.0, 0.2)).length() < 1e-9);
         }
         let (high, low) = (at(0.3, 0.7, 0.2), at(0.0, 0.0, 0.0));
-        assert!(Prober::default().touch(Two { shapes: [&ball, &floor], poses: [&high, &low] }, 0.05).is_none());
+        assert!(
+            Prober::default().touch(Two { shapes: [&ball, &floor], poses: [&high, &low] }, 0.05).is_none()
+        );
     }
 
     #[test]

@@ -179,7 +179,12 @@ mod tests {
 
     #[test]
     fn without_a_pull_it_opens_for_good() {
-        let seen = Seen { acceleration: 0.0, next: (0.01, 0.02), then: Some((0.05, 0.1)), ..seen(3.0, 0.5, 0.01, 0.04, None) };
+        let seen = Seen {
+            acceleration: 0.0,
+            next: (0.01, 0.02),
+            then: Some((0.05, 0.1)),
+            ..seen(3.0, 0.5, 0.01, 0.04, None)
+        };
         let rebound = seen.rebound();
         assert!((rebound.opening_mps - 2.0).abs() < 1e-12 && rebound.misfit_m < 1e-12);
     }

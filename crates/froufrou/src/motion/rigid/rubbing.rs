@@ -67,7 +67,9 @@ impl Mover {
         };
         let s = time_s - from_s;
         Moving {
-            at: start.at + (step.velocity - acceleration * (0.5 * step.lasts_s)) * s + acceleration * (0.5 * s * s),
+            at: start.at
+                + (step.velocity - acceleration * (0.5 * step.lasts_s)) * s
+                + acceleration * (0.5 * s * s),
             velocity: step.velocity + acceleration * from_middle_s,
             spin: step.spin + twist * from_middle_s,
         }
@@ -141,20 +143,24 @@ impl Analyser {
             if movers[side].body.moves { movers[side].body.shape.reach_m() } else { f64::INFINITY }
         };
         let lead = usize::from(size(1) < size(0));
-        let arm = |touch: super::proximity::Touch, frame: usize| {
-            Some(touch.point - movers[lead].pose(frame)?.at)
-        };
+        let arm =
+            |touch: super::proximity::Touch, frame: usize| Some(touch.point - movers[lead].pose(frame)?.at);
         let end = arm(last, frame + 1)?;
         let start = pair.before.filter(|_| pair.since_s <= from_s).and_then(|touch| arm(touch, frame));
         let start = start.unwrap_or(end);
         let part = (time_s - from_s) / (to_s - from_s);
         let place = moving[lead].at + start.lerp(end, part);
         let place_mps = moving[lead].velocity + (end - start) / (to_s - from_s);
-        let normal = pair.before.map_or(last.normal, |touch| touch.normal.lerp(last.normal, part)).normalize_or(last.normal);
-        let [va, vb] = [0, 1].map(|side| moving[side].velocity + moving[side].spin.cross(place - moving[side].at));
+        let normal = pair
+            .before
+            .map_or(last.normal, |touch| touch.normal.lerp(last.normal, part))
+            .normalize_or(last.normal);
+        let [va, vb] =
+            [0, 1].map(|side| moving[side].velocity + moving[side].spin.cross(place - moving[side].at));
         let mut surface = Surface::new(va.to_array(), vb.to_array(), place_mps.to_array(), normal.to_array());
         // A place moves along both only as fast as they turn against each other, and over corners it leaps.
-        let round = movers.iter().filter(|mover| mover.body.shape.is_round()).map(|mover| mover.body.shape.reach_m());
+        let round =
+            movers.iter().filter(|mover| mover.body.shape.is_round()).map(|mover| mover.body.shape.reach_m());
         let turning = (moving[0].spin - moving[1].spin).reject_from_normalized(normal).length();
         surface.rolling_mps = surface.rolling_mps.min(1.5 * turning * round.fold(0.0, f64::max));
         let goes_on = pair.rubbing != Rubbing::Rest;
@@ -173,7 +179,8 @@ impl Analyser {
         let on = [0, 1].map(|side| {
             // Within a frame the turn goes evenly.
             let (start, end) = (movers[side].pose(frame), movers[side].pose(frame + 1));
-            let turn = start.zip(end).map_or(glam::DQuat::IDENTITY, |(start, end)| start.turn.slerp(end.turn, part));
+            let turn =
+                start.zip(end).map_or(glam::DQuat::IDENTITY, |(start, end)| start.turn.slerp(end.turn, part));
             movers[side].on(place, &super::pose::Pose { at: moving[side].at, turn })
         });
         let names = movers.map(|mover| mover.body.name.clone());

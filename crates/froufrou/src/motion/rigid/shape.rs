@@ -106,12 +106,22 @@ impl Shape {
         }
     }
 
+    /// A flat face about the origin of its frame, by its corners in metres.
+    ///
+    /// # Errors
+    /// Corners that are no face.
+    pub fn flat(corners: &[[f64; 3]]) -> Result<Self> {
+        let positions: Vec<DVec3> = corners.iter().map(|corner| DVec3::from(*corner)).collect();
+        let numbers: Vec<u32> = (0..corners.len() as u32).collect();
+        Self::from_mesh(&positions, &numbers, &[corners.len() as u32])
+    }
+
     /// The shape of a mesh in the frame of its body, in metres.
     ///
     /// # Errors
     /// A mesh without faces, with faces of vertices that are not there, with positions that are not numbers, or
     /// without any extent.
-    pub fn from_mesh(positions: &[DVec3], face_vertices: &[u32], face_sizes: &[u32]) -> Result<Self> {
+    pub(super) fn from_mesh(positions: &[DVec3], face_vertices: &[u32], face_sizes: &[u32]) -> Result<Self> {
         if let Some(index) = positions.iter().position(|p| !p.is_finite()) {
             return Err(Error::new(format!("vertex {index} of its mesh is at no finite place")));
         }

@@ -22,7 +22,13 @@ fn floor() -> (Body, Transform) {
 }
 
 /// What is told of bodies that move as a function says.
-fn told(bodies: Vec<Body>, rate_hz: f64, lasts_s: f64, from_s: f64, poses: impl Fn(f64) -> Vec<Transform>) -> Vec<Event> {
+fn told(
+    bodies: Vec<Body>,
+    rate_hz: f64,
+    lasts_s: f64,
+    from_s: f64,
+    poses: impl Fn(f64) -> Vec<Transform>,
+) -> Vec<Event> {
     let mut analyser = Analyser::new(bodies, GRAVITY);
     let mut events = Vec::new();
     for frame in 0..=(lasts_s * rate_hz) as usize {
@@ -94,7 +100,9 @@ fn a_bouncing_ball_is_told_to_a_millisecond_at_every_rate() {
     let mut missed = Vec::new();
     let mut worst_s: f64 = 0.0;
     for rate_hz in RATES {
-        for (drop_m, restitution) in [(1.0, 0.8), (1.0, 0.5), (0.3, 0.9), (2.0, 0.65), (0.05, 0.7), (1.0, 0.2)] {
+        for (drop_m, restitution) in
+            [(1.0, 0.8), (1.0, 0.5), (0.3, 0.9), (2.0, 0.65), (0.05, 0.7), (1.0, 0.2)]
+        {
             for phase in 0..10 {
                 let ball = Bouncing { drop_m, restitution };
                 let from_s = -f64::from(phase) * 0.1 / rate_hz;
@@ -131,7 +139,12 @@ fn a_bouncing_ball_is_told_to_a_millisecond_at_every_rate() {
         }
     }
     eprintln!("worst: {worst_s} s");
-    assert!(missed.is_empty(), "{}: {}", missed.len(), missed.iter().take(20).cloned().collect::<Vec<_>>().join("\n"));
+    assert!(
+        missed.is_empty(),
+        "{}: {}",
+        missed.len(),
+        missed.iter().take(20).cloned().collect::<Vec<_>>().join("\n")
+    );
 }
 
 #[test]
@@ -150,7 +163,10 @@ fn a_ball_that_rolls_is_no_train_of_impacts() {
             assert!(slides.is_empty() && rolls.len() >= 199, "{} {} {}", rate_hz, slides.len(), rolls.len());
             for roll in rolls {
                 assert!((roll.speed_mps - speed).abs() < 0.02 * speed, "{rate_hz} {speed} {roll:?}");
-                assert!((roll.position_m[0] - speed * roll.time_s).abs() < 1e-6 && roll.position_m[1].abs() < 1e-6);
+                assert!(
+                    (roll.position_m[0] - speed * roll.time_s).abs() < 1e-6
+                        && roll.position_m[1].abs() < 1e-6
+                );
                 if roll.time_s > 0.5 {
                     assert!((roll.force_n - weight).abs() < 1e-3 * weight, "{} {weight}", roll.force_n);
                 }
@@ -176,7 +192,11 @@ fn a_block_that_slides_to_rest_is_told_as_such() {
         let [slides, rolls] = rubs(&events);
         assert!(rolls.is_empty());
         let expected = stops_s / 0.01;
-        assert!((slides.len() as f64 - expected).abs() < 0.01 * expected + 100.0 / rate_hz, "{} {expected}", slides.len());
+        assert!(
+            (slides.len() as f64 - expected).abs() < 0.01 * expected + 100.0 / rate_hz,
+            "{} {expected}",
+            slides.len()
+        );
         for slide in &slides {
             let speed = (start - friction * G * slide.time_s).max(0.0);
             assert!((slide.speed_mps - speed).abs() < 0.02 + friction * G / rate_hz, "{slide:?} {speed}");
@@ -186,17 +206,4 @@ fn a_block_that_slides_to_rest_is_told_as_such() {
             }
         }
     }
-}
-
-#[test]
-#[ignore]
-fn debug() {
-    let (drop_m, restitution, phase, rate_hz) = (0.3, 0.9, 0, 24.0);
-    let ball = Bouncing { drop_m, restitution };
-    let from_s = -f64::from(phase) * 0.1 / rate_hz;
-    let body = Body::new("ball", Shape::sphere(0.1), 500.0);
-    let (ground, there) = floor();
-    for hit in ball.hits(0.04) { eprintln!("expected {hit:?}"); }
-    let events = told(vec![body, ground], rate_hz, 4.0, from_s, |time_s| vec![upright(0.3 * time_s, 0.1 + ball.height(time_s), 0.0), there]);
-    for impact in impacts(&events) { eprintln!("{:.5} {:.5} {:.5} {}", impact.time_s, impact.speed_mps.unwrap(), impact.impulse_ns, impact.cause); }
 }

@@ -84,7 +84,8 @@ impl Track {
                 && let Some(before) = self.steps.back()
                 && let Some(axis) = way.try_normalize()
             {
-                let turns = ((before.spin.dot(axis) * since_s - way.length()) / std::f64::consts::TAU).round();
+                let turns =
+                    ((before.spin.dot(axis) * since_s - way.length()) / std::f64::consts::TAU).round();
                 let other = axis * ((way.length() + turns * std::f64::consts::TAU) / since_s);
                 if turns != 0.0 && (other - before.spin).length() * since_s < 0.5 {
                     spin = other;
