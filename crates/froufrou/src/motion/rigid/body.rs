@@ -66,6 +66,11 @@ impl Body {
         &self.shape
     }
 
+    /// False for what never moves.
+    pub fn moves(&self) -> bool {
+        self.moves
+    }
+
     /// In kilograms.
     pub fn mass_kg(&self) -> f64 {
         self.mass_kg

@@ -205,6 +205,9 @@ impl Analyser {
             prober.nearest(shapes(movers, [&poses[0], &poses[1]]), within_m)
         };
         let lasts_s = to_s - from_s;
+        if lasts_s <= 0.0 {
+            return None;
+        }
         let speed = |time_s: f64| {
             (movers[0].piece.velocity(time_s) - movers[1].piece.velocity(time_s)).length()
                 + movers
@@ -246,17 +249,18 @@ impl Analyser {
                 _ => outside_s = time_s,
             }
         }
-        let closing = |time_s: f64| {
-            let [a, b] = movers.map(|mover| mover.piece.velocity_of(touch.point, time_s));
-            (a - b).dot(touch.normal)
-        };
-        let entering_mps = closing(inside_s);
+        let [a, b] = movers.map(|mover| mover.piece.velocity_of(touch.point, inside_s));
+        let entering_mps = (a - b).dot(touch.normal);
         if entering_mps <= 0.0 {
             return None;
         }
         // Back to where they touched.
         let time_s = (inside_s + touch.gap_m.min(0.0) / entering_mps).max(from_s);
-        let closing_mps = closing(time_s);
+        // The place has gone on meanwhile.
+        let then = near(time_s, 1e-3).filter(|then| then.normal.dot(touch.normal) > 0.9);
+        let touch = Touch { point: then.map_or(touch.point, |then| then.point), ..touch };
+        let pull = (movers[0].piece.acceleration - movers[1].piece.acceleration).dot(touch.normal);
+        let closing_mps = entering_mps - pull * (inside_s - time_s);
         // What bounces until it is no more heard has to come to rest; what rests already does not matter.
         if closing_mps < LEAST_IMPACT_MPS && (closing_mps <= 0.0 || !self.has_just_hit(bodies, frame)) {
             return None;
