@@ -130,7 +130,8 @@ pub(super) struct Hit {
 
 impl Mover {
     pub fn new(body: Body) -> Self {
-        let (inverse_mass, inverse_inertia) = if body.moves && body.mass_kg.is_finite() {
+        let has_mass = body.mass_kg.is_finite() && body.mass_kg > 0.0;
+        let (inverse_mass, inverse_inertia) = if body.moves && has_mass {
             (1.0 / body.mass_kg, body.shape.inverse_inertia(body.mass_kg))
         } else {
             (0.0, DMat3::ZERO)

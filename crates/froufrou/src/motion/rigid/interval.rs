@@ -216,6 +216,9 @@ impl Analyser {
                     .sum::<f64>()
         };
         let way_m = speed(from_s).max(speed(to_s)) * lasts_s;
+        if !way_m.is_finite() {
+            return None;
+        }
         let here = near(from_s, way_m + 1e-3)?;
         let corners = if pair.touches
             && movers.iter().any(|m| m.body.shape.is_round() && m.body.shape.radius_m().is_none())

@@ -22,6 +22,9 @@ const LEAST_ROUND: usize = 20;
 /// A closed mesh that fills this part of its hull is taken as convex.
 const CONVEX: f64 = 0.99;
 
+/// How thick a flat mesh is taken to be, as far as its mass goes.
+const SHEET_M: f64 = 1e-3;
+
 /// What kind of shape was found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
@@ -146,8 +149,12 @@ impl Shape {
         let about = |points: &[DVec3]| points.iter().map(|p| vector(*p - centre)).collect::<Vec<_>>();
         let reach_m = points.iter().map(|p| p.distance(centre)).fold(0.0, f64::max);
         let hull = hull.and_then(|(_, points)| SharedShape::convex_hull(&about(&points)));
-        // Of an open mesh nobody can tell the mass; that of its hull is something like it.
-        let volume_m3 = if is_closed { volume_m3 } else { hull_volume };
+        // Of an open mesh nobody can tell the mass; that of its hull is something like it, and a flat one is a sheet.
+        let volume_m3 = match (is_closed, hull.is_some()) {
+            (true, _) => volume_m3,
+            (false, true) => hull_volume,
+            (false, false) => SHEET_M * area(&points, &triangles),
+        };
         let inertia = match &hull {
             Some(hull) => {
                 let properties = hull.mass_properties(1.0);
@@ -156,7 +163,12 @@ impl Shape {
                 let matrix = DMat3::from_cols(columns[0], columns[1], columns[2]);
                 matrix * if hull_volume > 0.0 { volume_m3 / hull_volume } else { 1.0 }
             }
-            None => DMat3::ZERO,
+            None => {
+                let half = points.iter().fold(DVec3::ZERO, |half, p| half.max((*p - centre).abs()));
+                let [x, y, z] = half.to_array();
+                let moments = DVec3::new(y * y + z * z, x * x + z * z, x * x + y * y) * (volume_m3 / 3.0);
+                DMat3::from_diagonal(moments)
+            }
         };
         if is_convex && let Some(exact) = hull.clone() {
             return Ok(Self { kind: Kind::Hull, exact, hull: None, centre, volume_m3, inertia, reach_m });
@@ -320,6 +332,15 @@ fn is_closed(triangles: &[[u32; 3]]) -> bool {
         }
     }
     edges.values().all(|&balance| balance == 0)
+}
+
+/// The area of all triangles.
+fn area(points: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
+    let of = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|vertex| points[vertex as usize]);
+        0.5 * (b - a).cross(c - a).length()
+    };
+    triangles.iter().map(of).sum()
 }
 
 /// The volume within closed triangles and its centre of mass.
