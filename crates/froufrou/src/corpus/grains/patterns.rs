@@ -29,6 +29,8 @@ mod picker;
 #[cfg(test)]
 mod tests;
 
+use serde::{Deserialize, Serialize};
+
 use crate::corpus::spectral::check_sound;
 use crate::error::{Error, Place, Result};
 
@@ -36,7 +38,8 @@ use crate::error::{Error, Place, Result};
 const LONGEST: usize = 1 << 20;
 
 /// Which peaks to keep.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Matching {
     /// The most peaks that one grain has in one recording: k.
     pub peaks_per_grain: usize,
