@@ -18,8 +18,15 @@
 //! recordings.
 
 mod assemble;
+mod audio;
+pub mod builder;
+mod folder;
+mod index;
+pub mod manifest;
 mod matching;
+mod packed;
 mod prepare;
+mod sinusoids;
 #[cfg(test)]
 mod tests;
 
@@ -70,6 +77,9 @@ pub struct Settings {
     pub slot_s: f64,
     /// How many grains of other recordings are kept in a slot.
     pub candidates: usize,
+    /// In a corpus on disk, a grain of a hit or a break that correlates at least so well with an earlier sound is that sound,
+    /// made louder or softer; above 1 for none. The error is 1 less the square of it.
+    pub share_from: f64,
 }
 
 impl Default for Settings {
@@ -80,6 +90,7 @@ impl Default for Settings {
             matching: Matching::default(),
             slot_s: 0.01,
             candidates: 4,
+            share_from: 0.999,
         }
     }
 }
@@ -90,6 +101,9 @@ impl Settings {
         self.extraction.check()?;
         if !(1e-4..=10.0).contains(&self.slot_s) {
             return Err(Error::new(format!("slot_s is {}, expected 0.0001 to 10 seconds", self.slot_s)));
+        }
+        if !(0.5..=2.0).contains(&self.share_from) {
+            return Err(Error::new(format!("share_from is {}, expected 0.5 to 2", self.share_from)));
         }
         Ok(())
     }

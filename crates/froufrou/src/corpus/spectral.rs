@@ -27,7 +27,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Place, Result};
 
 /// The rates that sound may have.
-const RATES_HZ: std::ops::RangeInclusive<u32> = 1_000..=768_000;
+pub(super) const RATES_HZ: std::ops::RangeInclusive<u32> = 1_000..=768_000;
 
 /// How to look for sinusoids. Times are in seconds, so that one setting serves all rates.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -1,9 +1,9 @@
 //! Where grains fit, and which of those places are kept.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
 
 use super::assemble::Cut;
+use super::index::stepped;
 use super::{Dictionary, Part, Settings, fits};
 use crate::corpus::grains::patterns::{Matcher, Peak};
 use crate::error::{Error, Result};
@@ -11,10 +11,10 @@ use crate::error::{Error, Result};
 /// The peaks that are kept, of all grains in each recording.
 pub(super) fn all(cut: &Cut, settings: &Settings) -> Result<Vec<Vec<Peak>>> {
     let dictionary = cut.dictionary();
-    let count = dictionary.grains().len();
+    let grains: Vec<usize> = (0..dictionary.grains().len()).collect();
     (0..dictionary.recordings().len())
         .map(|recording| {
-            let peaks = peaks(dictionary, cut.parts(recording), 0..count, settings)?;
+            let peaks = peaks(dictionary, cut.parts(recording), &grains, settings)?;
             Ok(kept(dictionary, recording, peaks, settings))
         })
         .collect()
@@ -24,18 +24,21 @@ pub(super) fn all(cut: &Cut, settings: &Settings) -> Result<Vec<Vec<Peak>>> {
 pub(super) fn peaks(
     dictionary: &Dictionary,
     parts: &[Part],
-    grains: Range<usize>,
+    grains: &[usize],
     settings: &Settings,
 ) -> Result<Vec<Peak>> {
-    if u32::try_from(grains.end).is_err() {
-        return Err(Error::new(format!("expected fewer than 2³² grains, found {}", grains.end)));
+    let count = dictionary.grains().len();
+    if u32::try_from(count).is_err() {
+        return Err(Error::new(format!("expected fewer than 2³² grains, found {count}")));
     }
     let mut found = Vec::new();
     for part in parts {
         let numbers: Vec<usize> =
-            grains.clone().filter(|&grain| fits(dictionary.grains[grain].kind, part.kind)).collect();
+            grains.iter().copied().filter(|&grain| fits(dictionary.grains[grain].kind, part.kind)).collect();
         let samples = numbers.iter().map(|&grain| dictionary.samples(grain)).collect();
-        let matcher = Matcher::new(settings.matching.clone(), samples, dictionary.rate_hz)?;
+        // So that a recording that comes later finds what it would have found at once.
+        let groups = numbers.iter().map(|&grain| dictionary.grains[grain].recording).collect();
+        let matcher = Matcher::new(settings.matching.clone(), samples, dictionary.rate_hz)?.grouped(groups);
         let peaks = matcher.pattern(&part.samples)?;
         // Numbers were held against 32 bits.
         found.extend(
@@ -74,5 +77,8 @@ pub(super) fn kept(
         peaks.truncate(if is_own { settings.candidates.div_ceil(2) } else { settings.candidates });
         peaks
     });
-    best.collect()
+    let mut best: Vec<Peak> =
+        best.map(|peak| Peak { correlation: stepped(peak.correlation), ..peak }).collect();
+    best.sort_by_key(|peak| (peak.start, peak.grain));
+    best
 }

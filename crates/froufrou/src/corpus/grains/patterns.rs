@@ -74,6 +74,8 @@ pub struct Peak {
 pub struct Matcher<'a> {
     matching: Matching,
     grains: Vec<&'a [f32]>,
+    /// Of each grain; none where all are of one.
+    groups: Vec<usize>,
     rate_hz: u32,
 }
 
@@ -103,7 +105,14 @@ impl<'a> Matcher<'a> {
                     .at(place()));
             }
         }
-        Ok(Self { matching, grains, rate_hz })
+        Ok(Self { matching, grains, groups: Vec::new(), rate_hz })
+    }
+
+    /// Says which grains belong together, by a number for each. What is found of a grain then depends on those of its
+    /// group alone, to the last bit; groups of a few grains cost a little more.
+    #[must_use]
+    pub fn grouped(self, groups: Vec<usize>) -> Self {
+        Self { groups, ..self }
     }
 
     /// Where the grains fit in one channel of a recording: the peaks in order of grains, each grain's by falling
@@ -126,6 +135,6 @@ impl<'a> Matcher<'a> {
         if self.matching.peaks_per_grain == 0 {
             return Ok(Vec::new());
         }
-        Ok(blocks::pattern(&self.matching, &self.grains, self.rate_hz, recording))
+        Ok(blocks::pattern(&self.matching, &self.grains, &self.groups, self.rate_hz, recording))
     }
 }
