@@ -130,6 +130,7 @@ pub(crate) const ALL_KEYS: &[(&str, Keys)] = &[
     ("`[material.NAME]`", sounds::MATERIAL),
     ("`impact` of a material", sounds::IMPACT),
     ("`slide` and `roll` of a material", sounds::RUB),
+    ("`grains` of a material", sounds::GRAINS),
     ("`air` of a material", sounds::AIR),
     ("`reflect` of a material", sounds::REFLECT),
     ("`occlude` of a material", sounds::OCCLUDE),

@@ -1,0 +1,150 @@
+//! From cut sounds to grains, and from peaks of correlation to patterns.
+
+use rayon::prelude::*;
+use realfft::RealFftPlanner;
+
+use super::{Action, Dictionary, Entry, Part, Placed, Recording, Settings, fits};
+use crate::corpus::grains::patterns::Peak;
+use crate::corpus::grains::{Contact, GrainKind, Segment, centroid_hz, energy, tukey};
+
+/// A recording whose cuts are known.
+#[derive(Debug)]
+pub(super) struct Sound {
+    pub name: String,
+    pub contact: Contact,
+    pub action: Action,
+    pub parts: Vec<Part>,
+    /// In order of parts and of time, each within its part.
+    pub segments: Vec<Segment>,
+}
+
+/// A dictionary that has no patterns yet.
+pub(super) struct Cut(Dictionary);
+
+impl Cut {
+    /// Windows all grains.
+    pub fn new(rate_hz: u32, settings: &Settings, sounds: Vec<Sound>) -> Self {
+        let mut dictionary = Dictionary {
+            rate_hz,
+            settings: settings.clone(),
+            recordings: Vec::with_capacity(sounds.len()),
+            parts: Vec::with_capacity(sounds.len()),
+            grains: Vec::new(),
+            samples: Vec::new(),
+            begins: vec![0],
+        };
+        let taper = settings.extraction.taper;
+        for (number, sound) in sounds.into_iter().enumerate() {
+            let from = dictionary.grains.len();
+            let grains: Vec<(Entry, Vec<f32>)> = sound
+                .segments
+                .par_iter()
+                .map_init(RealFftPlanner::new, |planner, segment| {
+                    let piece = piece(&sound.parts, segment.kind, segment.start, segment.length);
+                    let window = window(segment, taper);
+                    let samples: Vec<f32> =
+                        piece.iter().zip(&window).map(|(v, w)| (f64::from(*v) * w) as f32).collect();
+                    let entry = Entry {
+                        recording: number,
+                        kind: segment.kind,
+                        start: segment.start,
+                        length: samples.len(),
+                        energy: energy(piece),
+                        centroid_hz: centroid_hz(&samples, rate_hz, planner),
+                    };
+                    (entry, samples)
+                })
+                .collect();
+            for (entry, samples) in grains {
+                dictionary.grains.push(entry);
+                dictionary.samples.extend_from_slice(&samples);
+                dictionary.begins.push(dictionary.samples.len());
+            }
+            dictionary.recordings.push(Recording {
+                name: sound.name,
+                contact: sound.contact,
+                action: sound.action,
+                length: sound.parts.first().map_or(0, |part| part.samples.len()),
+                pattern: Vec::new(),
+                grains: from..dictionary.grains.len(),
+            });
+            dictionary.parts.push(sound.parts);
+        }
+        Self(dictionary)
+    }
+
+    /// What is known so far.
+    pub fn dictionary(&self) -> &Dictionary {
+        &self.0
+    }
+
+    /// The parts of a recording.
+    pub fn parts(&self, recording: usize) -> &[Part] {
+        &self.0.parts[recording]
+    }
+
+    /// Adds the patterns: of each recording the peaks that were kept, in any order, without its own grains in their own
+    /// places, which are added here.
+    pub fn assemble(self, peaks: &[Vec<Peak>]) -> Dictionary {
+        let Self(mut dictionary) = self;
+        let patterns: Vec<Vec<Placed>> = peaks
+            .par_iter()
+            .enumerate()
+            .map(|(recording, peaks)| pattern(&dictionary, recording, peaks))
+            .collect();
+        for (recording, pattern) in dictionary.recordings.iter_mut().zip(patterns) {
+            recording.pattern = pattern;
+        }
+        dictionary
+    }
+}
+
+/// A stretch of the part that a grain is cut from or matched with; empty where it is not all there.
+pub(super) fn piece(parts: &[Part], kind: GrainKind, start: usize, length: usize) -> &[f32] {
+    let part = parts.iter().find(|part| fits(kind, part.kind));
+    part.and_then(|part| part.samples.get(start..start.checked_add(length)?)).unwrap_or_default()
+}
+
+/// The window of a grain, whose mean square is 1. A recording of a hit that begins with the attack has no taper there,
+/// which would take the attack away.
+fn window(segment: &Segment, taper: f64) -> Vec<f64> {
+    let mut window = tukey(segment.length, taper);
+    if segment.start == 0 && segment.kind == GrainKind::Impulsive {
+        let half = window.len() / 2;
+        let middle = window.get(half).copied().unwrap_or(1.0);
+        window[..half].fill(middle);
+        let mean_square = window.iter().map(|w| w * w).sum::<f64>() / window.len().max(1) as f64;
+        let scale = mean_square.sqrt().recip();
+        window.iter_mut().for_each(|w| *w *= scale);
+    }
+    window
+}
+
+fn pattern(dictionary: &Dictionary, recording: usize, peaks: &[Peak]) -> Vec<Placed> {
+    let parts = &dictionary.parts[recording];
+    let place = |grain: usize, start: usize, correlation: Option<f32>| {
+        let entry = &dictionary.grains[grain];
+        let samples = dictionary.samples(grain);
+        let there = piece(parts, entry.kind, start, entry.length);
+        let (is, wanted) = (energy(samples), energy(there));
+        let exact = || {
+            let product: f64 = there.iter().zip(samples).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum();
+            if is > 0.0 && wanted > 0.0 { (product / (is * wanted).sqrt()) as f32 } else { 0.0 }
+        };
+        Placed {
+            // The number of grains was held against 32 bits.
+            grain: grain as u32,
+            start: start as u64,
+            correlation: correlation.unwrap_or_else(exact),
+            gain: if is > 0.0 { (wanted / is).sqrt() as f32 } else { 0.0 },
+        }
+    };
+    let own = dictionary.recordings[recording].grains.clone();
+    let mut placed: Vec<Placed> =
+        own.map(|grain| place(grain, dictionary.grains[grain].start, None)).collect();
+    let others =
+        peaks.iter().map(|peak| place(peak.grain as usize, peak.start as usize, Some(peak.correlation)));
+    placed.extend(others);
+    placed.sort_by_key(|placed| (placed.start, placed.grain));
+    placed
+}
