@@ -26,6 +26,7 @@ pub mod manifest;
 mod matching;
 mod packed;
 mod prepare;
+mod resampled;
 mod sinusoids;
 #[cfg(test)]
 mod tests;

@@ -1,11 +1,11 @@
 //! Grains of real recordings, played one after the other or together (Picard, Tsingos & Faure 2009, section 4).
 //!
-//! A thread is told which grain begins when, at which gain and speed. Grains of the rate of the soundtrack that are
-//! played at their own speed pass unchanged but for their gain; others are read as recordings are.
+//! A thread is told which grain begins when, at which gain and speed. Grains that are played at their own speed pass
+//! unchanged but for their gain; others are read as recordings are.
 //!
 //! | quantity | value |
 //! | --- | --- |
-//! | a grain unchanged | one multiplication and addition a sample |
+//! | a grain at its own speed | begins on the nearest sample; one multiplication and addition a sample |
 //! | at another speed | that and a reading of [`sinc`](super::sinc) |
 //! | spread | the logarithm of the speed follows straight lines between random values, normally distributed, every [`SPREAD_STEP_S`] |
 //!
@@ -13,12 +13,10 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use rayon::prelude::*;
-
 use super::instrument::{Control, Generator, GrainStart, Instrument, Stretch};
 use super::sinc::{self, Samples};
 use crate::Result;
-use crate::corpus::dictionary::Dictionary;
+use crate::corpus::dictionary::{Dictionary, Entry};
 use crate::random::Random;
 
 /// How far the values are apart that the speed of a spread grain goes through.
@@ -27,17 +25,15 @@ pub const SPREAD_STEP_S: f64 = 0.004;
 /// Grains are played at most this many times as fast or slow.
 pub const SPEEDS: std::ops::RangeInclusive<f64> = 0.05..=20.0;
 
-/// Nearer than this to a whole sample, in samples, a grain begins on it.
-const WHOLE_SAMPLE: f64 = 1e-4;
-
-/// A grain as it is played: its samples, and the sample of them on which it begins.
-type Bank = Arc<[Arc<[f32]>]>;
+/// Of two samples that are as near, to within this, a grain begins on the later one: so the grains of one recording all
+/// do the same, whatever is lost in rounding.
+const AS_NEAR: f64 = 1e-5;
 
 /// The grains of a corpus.
 pub struct Grains {
     dictionary: Arc<Dictionary>,
     /// The grains at the rates that have been asked for.
-    banks: Mutex<Vec<(f64, Bank)>>,
+    banks: Mutex<Vec<Arc<Bank>>>,
 }
 
 impl std::fmt::Debug for Grains {
@@ -49,42 +45,37 @@ impl std::fmt::Debug for Grains {
 impl Grains {
     /// All grains of a corpus.
     pub fn new(dictionary: Arc<Dictionary>) -> Self {
-        Self { dictionary, banks: Mutex::new(Vec::new()) }
+        Self { dictionary, banks: Mutex::default() }
     }
 
     /// All grains at a rate.
-    fn bank(&self, rate_hz: f64) -> Bank {
+    fn bank(&self, rate_hz: f64) -> Result<Arc<Bank>> {
+        let rate_hz = rate_hz.round() as u32;
         let mut banks = self.banks.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, bank)) = banks.iter().find(|(known_hz, _)| *known_hz == rate_hz) {
-            return bank.clone();
+        if let Some(bank) = banks.iter().find(|bank| bank.dictionary.rate_hz() == rate_hz) {
+            return Ok(bank.clone());
         }
-        let own_hz = f64::from(self.dictionary.rate_hz());
-        let bank: Bank = (0..self.dictionary.grains().len())
-            .into_par_iter()
-            .map(|grain| resampled(self.dictionary.samples(grain), own_hz / rate_hz))
-            .collect();
-        banks.push((rate_hz, bank.clone()));
-        bank
+        let own = &self.dictionary;
+        let bank = if rate_hz == own.rate_hz() {
+            Bank { dictionary: own.clone(), phases: vec![0.0; own.grains().len()] }
+        } else {
+            let dictionary = own.at_rate(rate_hz)?;
+            let ratio = f64::from(rate_hz) / f64::from(own.rate_hz());
+            let phase = |(before, now): (&Entry, &Entry)| before.start as f64 * ratio - now.start as f64;
+            let phases = own.grains().iter().zip(dictionary.grains()).map(phase).collect();
+            Bank { dictionary: Arc::new(dictionary), phases }
+        };
+        let bank = Arc::new(bank);
+        banks.push(bank.clone());
+        Ok(bank)
     }
 }
 
-/// A grain at another rate; `ratio` is its own over that.
-fn resampled(samples: &[f32], ratio: f64) -> Arc<[f32]> {
-    if ratio == 1.0 {
-        return samples.into();
-    }
-    let count = (samples.len() as f64 / ratio).ceil() as usize;
-    let positions: Vec<f64> = (0..count).map(|n| n as f64 * ratio).collect();
-    let mut out = vec![0.0; count];
-    let samples = Samples { samples, looped: false };
-    pulp::Arch::new().dispatch(Read {
-        samples,
-        positions: &positions,
-        ratios: &vec![ratio; count],
-        out: &mut out,
-        window: &mut Vec::new(),
-    });
-    out.into()
+/// All grains of a corpus at one rate.
+struct Bank {
+    dictionary: Arc<Dictionary>,
+    /// By how many samples each begins before the place that it should have.
+    phases: Vec<f64>,
 }
 
 /// Reads a grain where it is neither at a whole sample nor at its own speed.
@@ -121,7 +112,7 @@ impl Instrument for Grains {
     fn generator(&self, rate_hz: f64, random: Random) -> Result<Box<dyn Generator>> {
         sinc::prepare(2.0);
         Ok(Box::new(Player {
-            bank: self.bank(rate_hz),
+            bank: self.bank(rate_hz)?,
             random,
             begun: 0,
             playing: Vec::new(),
@@ -135,7 +126,7 @@ impl Instrument for Grains {
 
 /// The grains of one thread.
 struct Player {
-    bank: Bank,
+    bank: Arc<Bank>,
     random: Random,
     /// How many grains have begun.
     begun: u64,
@@ -150,6 +141,8 @@ struct Player {
 struct Playing {
     number: usize,
     gain: f32,
+    /// It is played as it is.
+    is_plain: bool,
     speed: f64,
     spread: f64,
     /// Which it is of all grains of its thread.
@@ -162,13 +155,19 @@ struct Playing {
 
 impl Player {
     fn begin(&mut self, start: &GrainStart, first: u64, rate_hz: f64) {
-        let at = start.time_s * rate_hz;
-        let whole = at.round();
-        let at = if (at - whole).abs() < WHOLE_SAMPLE { whole } else { at };
+        let number = start.grain.number as usize;
+        let Some(phase) = self.bank.phases.get(number) else { return };
+        // Where its first sample lies, which is a whole one for a grain that is played as it is.
+        let mut at = start.time_s * rate_hz - phase;
+        let is_plain = start.grain.speed == 1.0 && start.grain.spread == 0.0;
+        if is_plain {
+            at = (at + AS_NEAR).round();
+        }
         // The age at the first sample of the stretch: none or below, as it begins within it.
         let age = first as f64 - at;
         self.playing.push(Playing {
-            number: start.grain.number as usize,
+            number,
+            is_plain,
             gain: start.grain.gain as f32,
             speed: start.grain.speed.clamp(*SPEEDS.start(), *SPEEDS.end()),
             spread: start.grain.spread,
@@ -200,12 +199,11 @@ impl Generator for Player {
         let count = out.len();
         let Self { bank, random, playing, positions, ratios, read, window, .. } = self;
         playing.retain_mut(|grain| {
-            let Some(samples) = bank.get(grain.number) else { return false };
+            let samples = bank.dictionary.samples(grain.number);
             let length = samples.len() as f64;
             // The first sample of the stretch that lies in the grain.
             let skip = ((-grain.age).ceil().max(0.0) as usize).min(count);
-            let is_plain = grain.speed == 1.0 && grain.spread == 0.0;
-            if skip < count && is_plain && grain.age.fract() == 0.0 {
+            if skip < count && grain.is_plain {
                 let from = (grain.age + skip as f64) as usize;
                 for (out, sample) in out[skip..].iter_mut().zip(samples.get(from..).unwrap_or(&[])) {
                     *out += grain.gain * sample;

@@ -5,7 +5,7 @@ use realfft::RealFftPlanner;
 
 use super::{Action, Dictionary, Entry, Part, Placed, Recording, Settings, fits};
 use crate::corpus::grains::patterns::Peak;
-use crate::corpus::grains::{Contact, GrainKind, Segment, centroid_hz, energy, tukey};
+use crate::corpus::grains::{Contact, GrainKind, Segment, centroid_hz, energy};
 
 /// A recording whose cuts are known.
 #[derive(Debug)]
@@ -36,14 +36,15 @@ impl Cut {
         let taper = settings.extraction.taper;
         for (number, sound) in sounds.into_iter().enumerate() {
             let from = dictionary.grains.len();
+            let windows = windows(&sound.segments, taper);
             let grains: Vec<(Entry, Vec<f32>)> = sound
                 .segments
                 .par_iter()
-                .map_init(RealFftPlanner::new, |planner, segment| {
+                .zip(&windows)
+                .map_init(RealFftPlanner::new, |planner, (segment, window)| {
                     let piece = piece(&sound.parts, segment.kind, segment.start, segment.length);
-                    let window = window(segment, taper);
                     let samples: Vec<f32> =
-                        piece.iter().zip(&window).map(|(v, w)| (f64::from(*v) * w) as f32).collect();
+                        piece.iter().zip(window).map(|(v, w)| (f64::from(*v) * w) as f32).collect();
                     let entry = Entry {
                         recording: number,
                         kind: segment.kind,
@@ -78,6 +79,11 @@ impl Cut {
         &self.0
     }
 
+    /// What is known so far, for good.
+    pub fn into_dictionary(self) -> Dictionary {
+        self.0
+    }
+
     /// The parts of a recording.
     pub fn parts(&self, recording: usize) -> &[Part] {
         &self.0.parts[recording]
@@ -105,19 +111,33 @@ pub(super) fn piece(parts: &[Part], kind: GrainKind, start: usize, length: usize
     part.and_then(|part| part.samples.get(start..start.checked_add(length)?)).unwrap_or_default()
 }
 
-/// The window of a grain, whose mean square is 1. A recording of a hit that begins with the attack has no taper there,
-/// which would take the attack away.
-fn window(segment: &Segment, taper: f64) -> Vec<f64> {
-    let mut window = tukey(segment.length, taper);
-    if segment.start == 0 && segment.kind == GrainKind::Impulsive {
-        let half = window.len() / 2;
-        let middle = window.get(half).copied().unwrap_or(1.0);
-        window[..half].fill(middle);
-        let mean_square = window.iter().map(|w| w * w).sum::<f64>() / window.len().max(1) as f64;
-        let scale = mean_square.sqrt().recip();
-        window.iter_mut().for_each(|w| *w *= scale);
-    }
-    window
+/// The window of each segment, whose mean square is 1: flat but for tapers, each as long as it overlaps with its neighbour, so that
+/// both add up to 1 there, or where there is none r/2 of its length. A recording of a hit that begins with the attack has no
+/// taper there, which would take the attack away.
+fn windows(segments: &[Segment], taper: f64) -> Vec<Vec<f64>> {
+    let overlap = |from: Option<&Segment>, to: Option<&Segment>| {
+        let (from, to) = (from?, to?);
+        let overlap = (from.start + from.length).checked_sub(to.start)?;
+        (from.kind == to.kind && overlap > 0 && overlap <= from.length.min(to.length)).then_some(overlap)
+    };
+    let before = |index: usize| index.checked_sub(1).and_then(|before| segments.get(before));
+    let window = |(index, segment): (usize, &Segment)| {
+        let free = ((0.5 * taper * segment.length as f64).round() as usize).min(segment.length / 2);
+        let attacks = segment.start == 0 && segment.kind == GrainKind::Impulsive;
+        let left = if attacks { 0 } else { overlap(before(index), Some(segment)).unwrap_or(free) };
+        let right = overlap(Some(segment), segments.get(index + 1)).unwrap_or(free);
+        let rise = |from_end: usize, taper: usize| {
+            // The mirrored taper of the neighbour is what is missing to 1.
+            let part = (from_end as f64 + 0.5) / taper as f64;
+            if from_end < taper { 0.5 - 0.5 * (std::f64::consts::PI * part).cos() } else { 1.0 }
+        };
+        let last = segment.length.saturating_sub(1);
+        let plain: Vec<f64> = (0..segment.length).map(|i| rise(i, left) * rise(last - i, right)).collect();
+        let mean_square = plain.iter().map(|w| w * w).sum::<f64>() / plain.len().max(1) as f64;
+        let scale = if mean_square > 0.0 { mean_square.sqrt().recip() } else { 1.0 };
+        plain.into_iter().map(|w| w * scale).collect()
+    };
+    segments.iter().enumerate().map(window).collect()
 }
 
 fn pattern(dictionary: &Dictionary, recording: usize, peaks: &[Peak]) -> Vec<Placed> {

@@ -59,13 +59,23 @@ pub(super) fn segments(parts: &[Part], rate_hz: u32, settings: &Settings) -> Res
     let cut: Vec<(&[f32], GrainKind)> = parts.iter().map(|part| (&*part.samples, part.kind)).collect();
     let mut segments = extraction.segments(&cut, rate_hz)?;
     let length = parts.first().map_or(0, |part| part.samples.len());
-    for segment in &mut segments {
-        // A taper is r/2 of the window's length w, and half of it lies beyond the cut: w = l + 2 · r w / 4.
-        let beyond = extraction.taper * segment.length as f64 / (4.0 - 2.0 * extraction.taper);
-        let beyond = beyond.round() as usize;
-        let start = segment.start.saturating_sub(beyond);
-        segment.length = (segment.start + segment.length + beyond).min(length) - start;
-        segment.start = start;
+    // A taper is r/2 of the window's length w, and half of it lies beyond the cut: w = l + 2 · r w / 4. Neighbours have the
+    // same at their cut, that of the shorter one.
+    let shares = extraction.taper / (4.0 - 2.0 * extraction.taper);
+    let beyond = |length: usize| ((shares * length as f64).round() as usize).max(1);
+    let mut before: Option<Segment> = None;
+    for index in 0..segments.len() {
+        let own = segments[index];
+        let is_next =
+            |to: &Segment, from: &Segment| to.kind == from.kind && to.start == from.start + from.length;
+        let left =
+            before.filter(|before| is_next(&own, before)).map_or(own.length, |b| b.length.min(own.length));
+        let after = segments.get(index + 1).filter(|after| is_next(after, &own));
+        let right = after.map_or(own.length, |after| after.length.min(own.length));
+        let start = own.start.saturating_sub(beyond(left));
+        let end = (own.start + own.length + beyond(right)).min(length);
+        segments[index] = Segment { start, length: end - start, ..own };
+        before = Some(own);
     }
     Ok(segments)
 }

@@ -203,66 +203,6 @@ fn a_stream_has_no_gap_and_does_not_depend_on_the_rate_of_physics() {
     assert!(softest(&sound) > recorded / 4.0, "{} {recorded}", softest(&sound));
 }
 
-/// The highest normalised autocorrelation of an envelope's ups and downs at lags from 50 ms to 2 s.
-fn periodicity(sound: &[f64]) -> f64 {
-    let envelope: Vec<f64> =
-        sound.chunks_exact(220).map(|piece| piece.iter().map(|v| v * v).sum::<f64>().sqrt()).collect();
-    let mean = envelope.iter().sum::<f64>() / envelope.len() as f64;
-    let swings: Vec<f64> = envelope.iter().map(|v| v - mean).collect();
-    let at = |lag: usize| swings.iter().zip(&swings[lag..]).map(|(a, b)| a * b).sum::<f64>();
-    (10..400.min(swings.len() / 2)).map(|lag| at(lag) / at(0)).fold(f64::MIN, f64::max)
-}
-
-#[test]
-fn rolling_does_not_drone() {
-    let repertoire = repertoire(vec![rumble("a", 4.0, Action::Roll, 8), rumble("b", 4.0, Action::Roll, 9)]);
-    let mut stream = Stream::new(&repertoire, Action::Roll, Random::new(4, 4));
-    let (_, sound) = render(&repertoire, &mut stream, 16.0, 1.0 / 60.0);
-    let recorded = (0..2).map(|n| {
-        let sound: Vec<f64> = repertoire.dictionary().sound(n).iter().map(|&v| f64::from(v)).collect();
-        periodicity(&sound)
-    });
-    let recorded = recorded.fold(0.0, f64::max);
-    let found = periodicity(&sound);
-    println!("envelope periodicity {found:.3}, recordings {recorded:.3}");
-    assert!(found < recorded.max(0.1) + 0.05, "{found} {recorded}");
-    // A loop of one second of it would show.
-    let looped: Vec<f64> = sound.iter().take(44_100).copied().cycle().take(16 * 44_100).collect();
-    assert!(periodicity(&looped) > 0.8);
-    // Its spectrum, in bands of a sixth of an octave, has no line that the recordings have not.
-    let spectrum = |sound: &[f64]| -> Vec<f64> {
-        let mut planner = realfft::RealFftPlanner::<f64>::new();
-        let fft = planner.plan_fft_forward(8192);
-        let mut sums = vec![0.0; 4097];
-        let mut count = 0.0;
-        for frame in sound.windows(8192).step_by(4096) {
-            let window = |n: usize| 0.5 - 0.5 * (std::f64::consts::TAU * n as f64 / 8192.0).cos();
-            let mut input: Vec<f64> = frame.iter().enumerate().map(|(n, v)| v * window(n)).collect();
-            let mut bins = fft.make_output_vec();
-            fft.process(&mut input, &mut bins).unwrap();
-            sums.iter_mut().zip(&bins).for_each(|(sum, bin)| *sum += bin.norm_sqr());
-            count += 1.0;
-        }
-        sums.iter().map(|sum| sum / count).collect()
-    };
-    let own: Vec<f64> = (0..2).flat_map(|n| repertoire.dictionary().sound(n)).map(f64::from).collect();
-    let (found, recorded) = (spectrum(&sound), spectrum(&own));
-    // The line above its neighbourhood, in the output and in the recordings.
-    let line = |spectrum: &[f64], k: usize| {
-        let around: f64 = (k - 20..k - 4).chain(k + 5..k + 21).map(|k| spectrum[k]).sum::<f64>() / 32.0;
-        10.0 * (spectrum[k] / around).log10()
-    };
-    for k in 25..4000 {
-        assert!(
-            line(&found, k) < line(&recorded, k).max(0.0) + 6.0,
-            "{} Hz: {} {}",
-            k as f64 * 44_100.0 / 8192.0,
-            line(&found, k),
-            line(&recorded, k)
-        );
-    }
-}
-
 fn shader(script: &str) -> Result<Shader> {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("shader.rhai");

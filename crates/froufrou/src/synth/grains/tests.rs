@@ -132,6 +132,37 @@ fn spread_broadens_a_tone_in_proportion_and_leaves_its_pitch() {
 }
 
 #[test]
+fn neighbours_of_another_rate_fit_to_each_other_as_at_their_own() {
+    // All grains of a tone where they were: the tone again, but for its seams.
+    let seams = |corpus_hz: u32, begin_s: f64| {
+        let (grains, _) = tone(corpus_hz);
+        let entries = grains.dictionary.grains().iter().enumerate();
+        let told: Vec<(f64, Grain)> = entries
+            .map(|(number, entry)| {
+                (begin_s + entry.start as f64 / f64::from(corpus_hz), plain(number as u32))
+            })
+            .collect();
+        let sound = play(&grains, &told, 1.0);
+        let tone = |n: usize, phase: f64| (TAU * (n as f64 / 48.0 + phase)).sin();
+        let piece = 4_800..43_000;
+        let (mut c, mut s) = (0.0, 0.0);
+        for n in piece.clone() {
+            c += 2.0 * f64::from(sound[n]) * tone(n, 0.0) / piece.len() as f64;
+            s += 2.0 * f64::from(sound[n]) * tone(n, 0.25) / piece.len() as f64;
+        }
+        let rest = |n: usize| f64::from(sound[n]) - c * tone(n, 0.0) - s * tone(n, 0.25);
+        let power = piece.clone().map(|n| rest(n).powi(2)).sum::<f64>() / piece.len() as f64;
+        10.0 * (power / (0.5 * (c * c + s * s))).log10()
+    };
+    let own_db = seams(48_000, 0.01);
+    for begin_s in [0.01, 0.010_007, 0.010_013] {
+        let found_db = seams(44_100, begin_s);
+        println!("{begin_s} s: seams of {found_db:.1} dB; at their own rate {own_db:.1} dB");
+        assert!(found_db < own_db + 3.0, "{begin_s} s: {found_db} dB, {own_db} dB");
+    }
+}
+
+#[test]
 fn a_grain_that_there_is_not_is_told() {
     use crate::score::Action;
     use crate::synth::source::Source;
