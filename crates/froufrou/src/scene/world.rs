@@ -13,6 +13,7 @@ use super::format::AnimationFormat;
 use super::gltf::Gltf;
 use super::obj::Obj;
 use super::point_cache::PointCache;
+use super::pose_log::PoseLog;
 use super::track::{Interpolation, Track, facing_frame};
 use super::wander::Wander;
 use super::wind::WindField;
@@ -53,6 +54,9 @@ pub fn open_animation_as(path: impl AsRef<Path>, conventions: &Conventions) -> R
     if conventions.clip.is_some() && !format.has_clips() {
         return useless("clip", "it is one clip");
     }
+    if conventions.columns.is_some() && !format.has_columns() {
+        return useless("columns", "it is no table");
+    }
     let animation: Arc<dyn Animation> = match format {
         #[cfg(feature = "usd")]
         AnimationFormat::Usd => Arc::new(super::usd::Usd::open(path)?),
@@ -67,6 +71,9 @@ pub fn open_animation_as(path: impl AsRef<Path>, conventions: &Conventions) -> R
         AnimationFormat::Pc2 | AnimationFormat::Mdd => Arc::new(PointCache::open(path, conventions)?),
         AnimationFormat::Obj => Arc::new(Obj::open(path)?),
         AnimationFormat::ObjSequence => Arc::new(Obj::open_sequence(path, conventions)?),
+        AnimationFormat::PoseLog => {
+            Arc::new(PoseLog::open(path, &conventions.columns.clone().unwrap_or_default())?)
+        }
     };
     Ok(Converted::wrap(animation, conventions))
 }
@@ -536,7 +543,11 @@ impl Files {
                     .push((source.conventions.clone(), animation));
             }
         }
+        // Logs are on the soundtrack's clock, wherever they begin.
         let first = |animation: &Arc<dyn Animation>| {
+            if animation.is_log() {
+                return f64::INFINITY;
+            }
             let starts = animation.objects().iter().filter_map(|o| o.key_times.span_s());
             starts.map(|(start, _)| start).fold(f64::INFINITY, f64::min)
         };
@@ -590,10 +601,11 @@ impl Files {
                 .at(Place::Part(source.object.text().to_owned()))
                 .help(help));
         }
+        let start_s = if animation.is_log() { 0.0 } else { self.start_s };
         let ways = found.into_iter().map(|(object, named)| {
             let mesh = Arc::new(Mutex::new(Mesh::default()));
             let way = Way::Animated { animation: Arc::clone(animation), object, mesh };
-            (all[named].path.clone(), way, self.start_s - source.time_offset_s)
+            (all[named].path.clone(), way, start_s - source.time_offset_s)
         });
         Ok(ways.collect())
     }
