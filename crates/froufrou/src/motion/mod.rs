@@ -3,6 +3,7 @@
 pub mod contacts;
 pub mod event;
 pub mod impact;
+pub mod rub;
 pub mod slide;
 
 pub use event::Event;
