@@ -9,6 +9,7 @@ use froufrou::motion::event;
 use froufrou::scene::asset::Asset;
 use froufrou::scene::contact_log::{ContactColumns, ContactLog, Push, UpAxis};
 use froufrou::scene::file::Contacts;
+use froufrou::scene::world::RigidBodies;
 use froufrou_fuzz::{target, with_file};
 
 /// The columns of the seeds: those that all must have, or all that there may be.
@@ -47,7 +48,7 @@ target!(|bytes| {
             let log = Asset { name: "log.csv".into(), path: path.into() };
             for step_s in [None, Some(0.001)] {
                 let contacts = Contacts { log: log.clone(), columns: columns.clone(), step_s };
-                let Ok(events) = LogEvents::open(&contacts) else { continue };
+                let Ok(events) = LogEvents::open(&contacts, RigidBodies::default()) else { continue };
                 let mut last_s = f64::NEG_INFINITY;
                 for event in events {
                     let Ok(found) = event else { break };

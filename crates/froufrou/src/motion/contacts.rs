@@ -1,10 +1,12 @@
-//! What happens in a contact log: its impacts and slides, in order of time.
+//! What happens in a contact log: its impacts, slides and rolls, in order of time.
 
-use super::event::{Cause, Event, Impact, LogRows, Rub};
-use super::impact::{Analyser, Blow, Settings, Step};
-use super::slide;
-use crate::scene::contact_log::{ContactLog, step_of_times};
+use super::body::BodyState;
+use super::event::{Cause, Event, LogRows};
+use super::impact::{Settings, Step};
+use super::lives::{Found, Lives};
+use crate::scene::contact_log::{ContactLog, ContactRow, step_of_times};
 use crate::scene::file::Contacts;
+use crate::scene::world::{Carrier, RigidBodies};
 use crate::{Error, Place, Result};
 
 /// How many rows at the beginning of a log tell its step.
@@ -13,24 +15,65 @@ const ROWS_FOR_STEP: usize = 100_000;
 const LONGEST_STEP_S: f64 = 0.1;
 
 /// What happens in a contact log, in order of time. It ends after its first error.
-#[derive(Debug)]
 pub struct LogEvents {
     log: ContactLog,
     name: String,
-    impacts: Analyser,
-    slides: slide::Analyser,
-    /// The blow that comes next, held back until no slide can come before it.
-    blow: Option<Blow>,
+    lives: Lives,
+    poses: Poses,
     over: bool,
 }
 
+/// How the bodies of a log move, by their numbers there.
+struct Poses {
+    bodies: RigidBodies,
+    /// What carries each body that was met, and its state at the time that was last asked for.
+    met: Vec<Option<Posed>>,
+}
+
+struct Posed {
+    carrier: Carrier,
+    time_s: f64,
+    state: Option<BodyState>,
+}
+
+impl Poses {
+    /// Looks for the bodies that a log has named anew.
+    fn meet(&mut self, log: &ContactLog) {
+        for name in &log.bodies()[self.met.len()..] {
+            let carrier = self.bodies.carrier(name).cloned();
+            self.met.push(carrier.map(|carrier| Posed { carrier, time_s: f64::NAN, state: None }));
+        }
+    }
+
+    fn state(&mut self, body: u32, time_s: f64) -> Result<Option<BodyState>> {
+        let Some(Some(posed)) = self.met.get_mut(body as usize) else { return Ok(None) };
+        if posed.time_s != time_s {
+            posed.state = posed.carrier.state(time_s)?;
+            posed.time_s = time_s;
+        }
+        Ok(posed.state)
+    }
+
+    /// How two bodies moved at their last samples before a time; nothing where neither is known.
+    fn before(&self, bodies: [u32; 2], time_s: f64) -> Result<Option<[BodyState; 2]>> {
+        let mut found = [None; 2];
+        for (state, body) in found.iter_mut().zip(bodies) {
+            let Some(Some(posed)) = self.met.get(body as usize) else { continue };
+            let Some(sample_s) = posed.carrier.sample_before_s(time_s) else { continue };
+            *state = posed.carrier.state(sample_s)?;
+        }
+        let known = found != [None; 2];
+        Ok(known.then(|| found.map(|state| state.unwrap_or(BodyState::STILL))))
+    }
+}
+
 impl LogEvents {
-    /// Opens a log. Where the scene does not say the length of the simulation's step, the beginning
-    /// of the log is read twice to find it.
+    /// Opens a log, whose bodies move as those of a scene do, as far as it has them. Where the scene does not say the
+    /// length of the simulation's step, the beginning of the log is read twice to find it.
     ///
     /// # Errors
     /// A log that cannot be read, or whose step cannot be told.
-    pub fn open(contacts: &Contacts) -> Result<Self> {
+    pub fn open(contacts: &Contacts, bodies: RigidBodies) -> Result<Self> {
         let step = match contacts.step_s {
             Some(step_s) => Step::Fixed(step_s),
             None => Step::Stamped(find_step(contacts)?),
@@ -38,76 +81,37 @@ impl LogEvents {
         Ok(Self {
             log: ContactLog::open(&contacts.log.path, &contacts.columns)?,
             name: contacts.log.name.clone(),
-            impacts: Analyser::new(Settings::new(step)),
-            slides: slide::Analyser::new(step),
-            blow: None,
+            lives: Lives::new(Settings::new(step)),
+            poses: Poses { bodies, met: Vec::new() },
             over: false,
         })
     }
 
     /// What counts as an impact here.
     pub fn settings(&self) -> &Settings {
-        self.impacts.settings()
+        self.lives.settings()
     }
 
-    /// Two bodies by name and not by number, for numbers depend on who is met first; and the sign of a
-    /// normal in this order.
-    fn names(&self, bodies: [u32; 2]) -> (String, String, f64) {
-        let name = |body: u32| self.log.bodies().get(body as usize).map_or("", |name| name).to_owned();
-        let [a, b] = bodies.map(name);
-        if a <= b { (a, b, 1.0) } else { (b, a, -1.0) }
-    }
-
-    fn cause(&self, [first_line, last_line]: [u64; 2]) -> Cause {
-        Cause::Log(LogRows { log: self.name.clone(), first_line, last_line })
-    }
-
-    fn impact(&self, blow: Blow) -> Event {
-        let (a, b, sign) = self.names(blow.bodies);
-        Event::Impact(Impact {
-            time_s: blow.time_s,
-            a,
-            b,
-            position_m: blow.position_m,
-            on_m: None,
-            impulse_ns: blow.impulse_ns,
-            normal: blow.normal.map(|n| n.map(|c| c * sign)),
-            speed_mps: blow.speed_mps,
-            tangential_mps: None,
-            cause: self.cause(blow.lines),
-        })
-    }
-
-    fn slide(&self, found: slide::Sliding) -> Event {
-        let (a, b, _) = self.names(found.bodies);
-        Event::Slide(Rub {
-            time_s: found.time_s,
-            lasts_s: found.lasts_s,
-            a,
-            b,
-            position_m: found.position_m,
-            on_m: None,
-            speed_mps: found.speed_mps,
-            force_n: found.force_n,
-            cause: self.cause(found.lines),
-        })
-    }
-
-    /// The next event, if nothing can come before it any more.
-    fn settled(&mut self) -> Option<Event> {
-        if self.blow.is_none() {
-            self.blow = self.impacts.next_blow();
+    fn event(&self, mut found: Found) -> Result<Event> {
+        if let Found::Blow(blow) = &mut found
+            && let Some(before) = self.poses.before(blow.bodies, blow.time_s - self.step_s())?
+        {
+            blow.approach(before);
         }
-        let blow_s = self.blow.map_or(f64::INFINITY, |blow| blow.time_s);
-        let slide_s = self.slides.next_s().unwrap_or(f64::INFINITY);
-        if slide_s <= blow_s.min(self.impacts.settled_s()) {
-            return self.slides.pop().map(|found| self.slide(found));
-        }
-        // What slides now is told at the end of its moment.
-        if blow_s < slide_s.min(self.slides.settled_s()) || self.over {
-            return self.blow.take().map(|blow| self.impact(blow));
-        }
-        None
+        let names = found.bodies().map(|body| self.log.bodies().get(body as usize).map_or("", |name| name));
+        let [first_line, last_line] = found.lines();
+        Ok(found.event(names, Cause::Log(LogRows { log: self.name.clone(), first_line, last_line })))
+    }
+
+    fn step_s(&self) -> f64 {
+        let (Step::Fixed(step_s) | Step::Stamped(step_s)) = self.settings().step;
+        step_s
+    }
+
+    fn feed(&mut self, row: &ContactRow) -> Result<()> {
+        self.poses.meet(&self.log);
+        let states = [self.poses.state(row.a, row.time_s)?, self.poses.state(row.b, row.time_s)?];
+        self.lives.feed(row, states)
     }
 }
 
@@ -116,21 +120,17 @@ impl Iterator for LogEvents {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            if let Some(event) = self.settled() {
-                return Some(Ok(event));
+            if let Some(found) = self.lives.pop() {
+                return Some(self.event(found));
             }
             if self.over {
                 return None;
             }
             let fed = match self.log.next() {
-                Some(row) => row.and_then(|row| {
-                    self.slides.feed(&row);
-                    self.impacts.feed(&row)
-                }),
+                Some(row) => row.and_then(|row| self.feed(&row)),
                 None => {
                     self.over = true;
-                    self.slides.finish();
-                    self.impacts.finish();
+                    self.lives.finish();
                     Ok(())
                 }
             };

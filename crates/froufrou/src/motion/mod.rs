@@ -1,8 +1,10 @@
 //! What happens: frames in, events out.
 
+pub mod body;
 pub mod contacts;
 pub mod event;
 pub mod impact;
+pub mod lives;
 pub mod rub;
 pub mod slide;
 

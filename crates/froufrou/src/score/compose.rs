@@ -22,7 +22,7 @@ use crate::random::Random;
 use crate::scene::file::{
     Acoustics, Emitter, ImpactSound, Material, Played, RubSound, Scene, SceneSound, StartKey, Timing,
 };
-use crate::scene::world::{Carrier, World};
+use crate::scene::world::{Carrier, RigidBodies, World, body_named};
 use crate::{Error, Result};
 
 /// Where nothing moves, a line comes this often all the same, so that a score can be mixed as it is
@@ -102,12 +102,14 @@ pub struct Events {
 }
 
 impl Events {
-    /// Opens the contact logs of a scene.
+    /// Opens the contact logs of a scene, whose bodies move as its objects do.
     ///
     /// # Errors
     /// A log that cannot be read.
-    pub fn open(scene: &Scene) -> Result<Self> {
-        let logs = scene.contacts.iter().map(|contacts| Ok(LogEvents::open(contacts)?.peekable()));
+    pub fn open(scene: &Scene, world: &World) -> Result<Self> {
+        let bodies = RigidBodies::of(scene, world);
+        let logs =
+            scene.contacts.iter().map(|contacts| Ok(LogEvents::open(contacts, bodies.clone())?.peekable()));
         Ok(Self { logs: logs.collect::<Result<_>>()? })
     }
 }
@@ -616,7 +618,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         time_s: f64,
     ) -> Result<(Carrier, String)> {
         let bodies = &self.world.objects[index];
-        let named = bodies.iter().find(|b| b.name.rsplit('/').next() == Some(body)).or(bodies.first());
+        let named = body_named(bodies, &self.scene.objects[index].name, body).or(bodies.first());
         let carrier = match named.and_then(|b| b.carrier.as_ref()) {
             Some(carrier) => carrier.holding(position_m, time_s)?,
             None => Carrier::still(position_m),
