@@ -47,7 +47,7 @@ target!(|bytes| {
         with_file(bytes, "csv", |path| {
             let log = Asset { name: "log.csv".into(), path: path.into() };
             for step_s in [None, Some(0.001)] {
-                let contacts = Contacts { log: log.clone(), columns: columns.clone(), step_s };
+                let contacts = Contacts { log: log.clone(), columns: columns.clone(), step_s, gravity_mps2: [0.0, -9.81, 0.0] };
                 let Ok(events) = LogEvents::open(&contacts, RigidBodies::default()) else { continue };
                 let mut last_s = f64::NEG_INFINITY;
                 for event in events {

@@ -100,7 +100,8 @@ impl Settings {
 /// A blow between two bodies that are known by number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Blow {
-    /// When, in seconds: the middle of its steps, each weighted by its impulse.
+    /// When, in seconds: the middle of its steps, or when in them it acts where that is known, each weighted by its
+    /// impulse.
     pub time_s: f64,
     /// The bodies, the smaller number first.
     pub bodies: [u32; 2],
@@ -158,6 +159,7 @@ struct Touch {
     speed_mps: Option<f64>,
     sliding_mps: Option<f64>,
     on_m: Option<[[f64; 3]; 2]>,
+    at_s: Option<f64>,
     line: u64,
 }
 
@@ -166,6 +168,8 @@ struct Touch {
 struct Sum {
     /// Σ J in newton seconds.
     impulse_ns: f64,
+    /// Σ J·t, each within its step.
+    timed: f64,
     /// Σ J·p.
     moment: [f64; 3],
     /// Σ J·n.
@@ -194,6 +198,7 @@ fn both<T>(a: Option<T>, b: Option<T>, join: impl FnOnce(T, T) -> T) -> Option<T
 impl Sum {
     fn add(&mut self, other: &Sum) {
         self.impulse_ns += other.impulse_ns;
+        self.timed += other.timed;
         self.moment = plus(self.moment, other.moment);
         self.normal = both(self.normal, other.normal, plus);
         self.speed_mps = both(self.speed_mps, other.speed_mps, f64::max);
@@ -315,6 +320,20 @@ impl Analyser {
     /// # Errors
     /// A row that is earlier than the one before it.
     pub fn feed(&mut self, row: &ContactRow, states: [Option<BodyState>; 2]) -> Result<()> {
+        self.feed_at(row, states, None)
+    }
+
+    /// Takes the next row as [`Analyser::feed`] does, of which is known when in its step it acts; its middle where
+    /// that is not known.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn feed_at(
+        &mut self,
+        row: &ContactRow,
+        states: [Option<BodyState>; 2],
+        at_s: Option<f64>,
+    ) -> Result<()> {
         self.advance(row.time_s)?;
         let (Push::Force(push) | Push::Impulse(push)) = row.push;
         if push > 0.0 {
@@ -332,6 +351,7 @@ impl Analyser {
                 speed_mps: row.normal_velocity_mps.map(f64::abs),
                 sliding_mps: row.sliding_mps,
                 on_m,
+                at_s,
                 line: row.line,
             });
         }
@@ -440,6 +460,8 @@ impl Analyser {
                 };
                 sum.add(&Sum {
                     impulse_ns,
+                    timed: impulse_ns
+                        * point.at_s.map_or((start_s + now_s) / 2.0, |at_s| at_s.clamp(start_s, now_s)),
                     moment: point.position_m.map(|c| c * impulse_ns),
                     normal: point.normal.map(|n| n.map(|c| c * impulse_ns)),
                     speed_mps: point.speed_mps,
@@ -539,7 +561,7 @@ impl Analyser {
         if window.onset {
             (pair.rest_n, pair.rest_age_s) = (least_n, window.touching_s);
         }
-        let Sum { moment, normal, speed_mps, sliding_mps, on, lines, impulse_ns: all_ns } = window.sum;
+        let Sum { moment, normal, speed_mps, sliding_mps, on, lines, impulse_ns: all_ns, .. } = window.sum;
         let middle_s =
             (window.time_moment - rest_n * window.touching_moment) / (all_ns - rest_n * window.touching_s);
         let end_s = window.start_s.max(pair.last_end_s);
@@ -576,7 +598,7 @@ impl Window {
         self.last_n = force_n;
         self.steps += 1;
         self.sum.add(&contact.sum);
-        self.time_moment += contact.sum.impulse_ns * middle_s;
+        self.time_moment += contact.sum.timed;
         self.touching_s += contact.step_s;
         self.touching_moment += contact.step_s * middle_s;
         self.span_s += contact.step_s + apart_s;

@@ -126,7 +126,30 @@ impl Lives {
     /// # Errors
     /// A row that is earlier than the one before it.
     pub fn feed(&mut self, row: &ContactRow, states: [Option<BodyState>; 2]) -> Result<()> {
-        self.impacts.feed(row, states)?;
+        self.feed_impact(row, states, None)?;
+        self.feed_rub(row, states)
+    }
+
+    /// Takes a row that tells of impacts alone, and when in its step it acts, where that is known.
+    ///
+    /// # Errors
+    /// As [`Lives::feed`].
+    pub fn feed_impact(
+        &mut self,
+        row: &ContactRow,
+        states: [Option<BodyState>; 2],
+        at_s: Option<f64>,
+    ) -> Result<()> {
+        self.rubs.advance(row.time_s);
+        self.impacts.feed_at(row, states, at_s)
+    }
+
+    /// Takes a row that tells of sliding and rolling alone.
+    ///
+    /// # Errors
+    /// As [`Lives::feed`].
+    pub fn feed_rub(&mut self, row: &ContactRow, states: [Option<BodyState>; 2]) -> Result<()> {
+        self.impacts.advance(row.time_s)?;
         self.rubs.feed(row, states);
         Ok(())
     }

@@ -5,6 +5,7 @@ pub mod contacts;
 pub mod event;
 pub mod impact;
 pub mod lives;
+mod momentum;
 pub mod rub;
 pub mod slide;
 

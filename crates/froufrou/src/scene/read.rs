@@ -96,13 +96,14 @@ const OBJECT: Keys = &[
     "point",
     "material",
     "body",
+    "mass",
     "sound",
 ];
 const OBJECT_KEY: Keys = &["t", "position"];
 const POINT: Keys = &["vertex"];
 const SWARM: Keys = &["count", "radius", "speed", "script"];
 const WIND: Keys = &["velocity", "gusts", "gust_period"];
-const CONTACTS: Keys = &["log", "columns", "step", "up", "unit", "time_offset"];
+const CONTACTS: Keys = &["log", "columns", "step", "up", "unit", "time_offset", "gravity"];
 const POSE_COLUMNS: Keys = &["t", "body", "position", "rotation", "velocity", "angular_velocity"];
 const COLUMNS: Keys = &[
     "t",
@@ -161,6 +162,8 @@ const MOST_IN_SWARM: u64 = 10_000;
 const RATE_HZ: (u64, u64) = (8_000, 192_000);
 const INTERPOLATIONS: &[(&str, Interpolation)] =
     &[("smooth", Interpolation::Smooth), ("linear", Interpolation::Linear), ("step", Interpolation::Step)];
+/// Gravity, where the author says nothing else.
+const GRAVITY_MPS2: [f64; 3] = [0.0, -9.81, 0.0];
 const AHEAD: [f64; 3] = [0.0, 0.0, -1.0];
 
 /// The longest scene file that is read, in bytes.
@@ -701,7 +704,8 @@ fn object(table: &Table<'_, '_>, materials: &HashMap<&str, usize>, folder: &Fold
     if swarm.is_some() && motion.is_none() {
         return Err(table.error("a swarm needs a middle: `source`, `position` or `track`"));
     }
-    Ok(Object { name, motion, swarm, size, point, material, body })
+    let mass_kg = table.get("mass").map(|node| node.positive("a number of kilograms")).transpose()?;
+    Ok(Object { name, motion, swarm, size, point, material, body, mass_kg })
 }
 
 fn emitter(table: &Table<'_, '_>, objects: &[Object], names: &HashMap<String, usize>) -> Result<Emitter> {
@@ -758,6 +762,9 @@ fn contacts(table: &Table<'_, '_>, folder: &Folder) -> Result<Contacts> {
             unit_m: unit_m(table)?.unwrap_or(1.0),
             time_offset_s: time_offset(table)?,
         },
+        gravity_mps2: table
+            .get("gravity")
+            .map_or(Ok(GRAVITY_MPS2), |node| node.vector("metres a second squared"))?,
         step_s: table.get("step").map(|n| n.within("a number of seconds", 1e-6, 1.0)).transpose()?,
     })
 }

@@ -210,6 +210,15 @@ impl Carrier {
         }
     }
 
+    /// Whether its file states how fast it moves.
+    pub fn states_velocity(&self) -> bool {
+        let Way::Animated { animation, object, .. } = &self.way else { return false };
+        let first_s = animation.objects().get(*object).and_then(|object| object.key_times.get(0));
+        animation
+            .velocity(*object, first_s.unwrap_or_default())
+            .is_ok_and(|velocity| velocity.linear_mps.is_some())
+    }
+
     /// The time of its last sample at or before a time of the soundtrack, if it is animated by a file.
     pub fn sample_before_s(&self, time_s: f64) -> Option<f64> {
         let Way::Animated { animation, object, .. } = &self.way else { return None };
@@ -433,8 +442,17 @@ pub fn body_named<'b>(bodies: &'b [Body], object: &str, name: &str) -> Option<&'
 /// The objects of a scene as rigid bodies that logs name, as far as files say how they move.
 #[derive(Clone, Default)]
 pub struct RigidBodies {
-    /// Their names in the logs; the names of the objects and of their bodies, and what carries these.
-    objects: Vec<(NamePattern, String, Arc<[Body]>)>,
+    objects: Vec<RigidObject>,
+}
+
+/// An object of a scene, whose bodies logs name.
+#[derive(Clone)]
+struct RigidObject {
+    /// The names of its bodies in the logs.
+    named: NamePattern,
+    name: String,
+    bodies: Arc<[Body]>,
+    mass_kg: Option<f64>,
 }
 
 impl RigidBodies {
@@ -444,15 +462,30 @@ impl RigidBodies {
         let moving = objects.filter(|(object, _)| matches!(object.motion, Some(Motion::Source(_))));
         let objects = moving.map(|(object, bodies)| {
             let copy = |body: &Body| Body { name: body.name.clone(), carrier: body.carrier.clone() };
-            (object.body.clone(), object.name.clone(), bodies.iter().map(copy).collect())
+            RigidObject {
+                named: object.body.clone(),
+                name: object.name.clone(),
+                bodies: bodies.iter().map(copy).collect(),
+                mass_kg: object.mass_kg,
+            }
         });
         Self { objects: objects.collect() }
     }
 
+    /// True where no object has a `source`.
+    pub fn is_empty(&self) -> bool {
+        self.objects.is_empty()
+    }
+
+    /// The mass that the scene gives the body of a name, in kilograms.
+    pub fn mass_kg(&self, name: &str) -> Option<f64> {
+        self.objects.iter().find(|object| object.named.matches(name))?.mass_kg
+    }
+
     /// What carries the body of a name; nothing where no file does.
     pub fn carrier(&self, name: &str) -> Option<&Carrier> {
-        let (_, object, bodies) = self.objects.iter().find(|(pattern, ..)| pattern.matches(name))?;
-        body_named(bodies, object, name)?
+        let object = self.objects.iter().find(|object| object.named.matches(name))?;
+        body_named(&object.bodies, &object.name, name)?
             .carrier
             .as_ref()
             .filter(|carrier| matches!(carrier.way, Way::Animated { .. }))

@@ -386,6 +386,7 @@ fn contacts(path: std::path::PathBuf, up: UpAxis) -> Contacts {
             time_offset_s: 0.0,
         },
         step_s: None,
+        gravity_mps2: [0.0, -G, 0.0],
     }
 }
 
