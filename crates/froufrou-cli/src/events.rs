@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use froufrou::motion::event;
+use froufrou::scene::world::World;
 use froufrou::score::compose;
 use froufrou::{Error, Result};
 
@@ -11,7 +12,7 @@ use crate::files;
 use crate::progress::Count;
 use crate::render::SceneFile;
 
-/// Find what happens in a scene: impacts, one JSON object a line
+/// Find what happens in a scene: impacts, slides and rolls, one JSON object a line
 #[derive(Args)]
 #[command(after_help = "\
 Example:
@@ -29,9 +30,10 @@ impl Events {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let scene = self.scene.open()?;
+        let world = World::open(&scene)?;
         let mut output = files::Output::create(&self.output)?;
         let mut count = Count::new("events", &self.output);
-        for event in compose::Events::open(&scene)? {
+        for event in compose::Events::open(&scene, &world)? {
             let event = event?;
             event::write(&mut output, &event).map_err(|fault| Error::io("write", &self.output, fault))?;
             count.one(event.time_s());

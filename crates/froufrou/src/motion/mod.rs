@@ -1,8 +1,12 @@
 //! What happens: frames in, events out.
 
+pub mod body;
 pub mod contacts;
 pub mod event;
 pub mod impact;
+pub mod lives;
+mod momentum;
+pub mod rub;
 pub mod slide;
 
 pub use event::Event;

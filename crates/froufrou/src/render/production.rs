@@ -55,12 +55,12 @@ impl Production {
         Ok(Self { scene, world, header, prototypes, end_s })
     }
 
-    /// What happens in it by itself: the impacts of its contact logs.
+    /// What happens in it by itself: the contacts of its logs.
     ///
     /// # Errors
     /// A log that cannot be read.
     pub fn events(&self) -> Result<Events> {
-        Events::open(&self.scene)
+        Events::open(&self.scene, &self.world)
     }
 
     /// The lines of its score in object space.

@@ -317,6 +317,8 @@ pub struct Object {
     pub material: Option<usize>,
     /// Which bodies of the contact logs it is.
     pub body: NamePattern,
+    /// The mass of each of its bodies in kilograms, where the author says it.
+    pub mass_kg: Option<f64>,
 }
 
 /// A simple shape about the origin of the local frame.
@@ -433,6 +435,8 @@ pub struct Contacts {
     pub columns: ContactColumns,
     /// Length of the simulation's step in seconds; `None`: found from the log's time stamps.
     pub step_s: Option<f64>,
+    /// Gravity in metres a second squared, by which momentum tells what a thinned log does not.
+    pub gravity_mps2: [f64; 3],
 }
 
 impl Scene {

@@ -27,7 +27,7 @@ use crate::motion::contacts::LogEvents;
 use crate::motion::event::Event;
 use crate::random::Random;
 use crate::scene::file::{Acoustics, Emitter, Material, Played, Scene, SceneSound, StartKey, Timing};
-use crate::scene::world::{Carrier, World};
+use crate::scene::world::{Carrier, RigidBodies, World};
 use crate::{Error, Result};
 
 /// Where nothing moves, a line comes this often all the same, so that a score can be mixed as it is
@@ -103,12 +103,14 @@ pub struct Events {
 }
 
 impl Events {
-    /// Opens the contact logs of a scene.
+    /// Opens the contact logs of a scene, whose bodies move as its objects do.
     ///
     /// # Errors
     /// A log that cannot be read.
-    pub fn open(scene: &Scene) -> Result<Self> {
-        let logs = scene.contacts.iter().map(|contacts| Ok(LogEvents::open(contacts)?.peekable()));
+    pub fn open(scene: &Scene, world: &World) -> Result<Self> {
+        let bodies = RigidBodies::of(scene, world);
+        let logs =
+            scene.contacts.iter().map(|contacts| Ok(LogEvents::open(contacts, bodies.clone())?.peekable()));
         Ok(Self { logs: logs.collect::<Result<_>>()? })
     }
 }

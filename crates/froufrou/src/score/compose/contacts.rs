@@ -9,7 +9,7 @@ use crate::Result;
 use crate::motion::event::{Event, Impact, Rub};
 use crate::random::Random;
 use crate::scene::file::{ImpactSound, Material, Played, RubSound};
-use crate::scene::world::Carrier;
+use crate::scene::world::{Carrier, body_named};
 use crate::score::{Action, Blow, Start};
 
 /// Two bodies that slide or roll and are not told to any more have stopped after so long.
@@ -94,7 +94,7 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
         time_s: f64,
     ) -> Result<(Carrier, String)> {
         let bodies = &self.world.objects[index];
-        let named = bodies.iter().find(|b| b.name.rsplit('/').next() == Some(body)).or(bodies.first());
+        let named = body_named(bodies, &self.scene.objects[index].name, body).or(bodies.first());
         let carrier = match named.and_then(|b| b.carrier.as_ref()) {
             Some(carrier) => carrier.holding(position_m, time_s)?,
             None => Carrier::still(position_m),
