@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use froufrou::scene::Scene;
 use froufrou::motion::Event;
 use froufrou::motion::event::{Impact, Rub};
+use froufrou::scene::Scene;
 use froufrou::scene::world::World;
 use froufrou::score::compose::Events;
 
@@ -69,7 +69,8 @@ fn events(data: &Path, every: u64, scene: &str) -> Vec<Event> {
     }
     let scene = Scene::parse(scene, folder.path().join("s.toml"), false).expect("a scene");
     let world = World::open(&scene).expect("a world");
-    let events: Vec<Event> = Events::open(&scene, &world).expect("logs").map(|e| e.expect("an event")).collect();
+    let events: Vec<Event> =
+        Events::open(&scene, &world).expect("logs").map(|e| e.expect("an event")).collect();
     assert!(events.is_sorted_by(|a, b| a.time_s() <= b.time_s()));
     events
 }
@@ -124,7 +125,8 @@ fn a_ball_rolls_a_block_slides_and_bricks_rest() {
     let block = velocities(&data, "block_slide");
     // Down the ramp, from 0.2 s on, until it drops off its end at 1.4 s.
     for (pair, from_s, to_s) in [(("ball", "ramp"), 0.2, 1.4), (("ball", "ground"), 1.57, 1.9)] {
-        let moments: Vec<_> = rubs[&pair].iter().filter(|(_, rub)| (from_s..to_s).contains(&rub.time_s)).collect();
+        let moments: Vec<_> =
+            rubs[&pair].iter().filter(|(_, rub)| (from_s..to_s).contains(&rub.time_s)).collect();
         let rolls = moments.iter().filter(|(rolls, _)| *rolls).count();
         assert!(rolls as f64 >= 0.95 * (to_s - from_s) / 0.01, "{pair:?}: {rolls} of {}", moments.len());
         for (rolls, rub) in moments {
@@ -135,7 +137,8 @@ fn a_ball_rolls_a_block_slides_and_bricks_rest() {
             assert!((on.iter().map(|c| c * c).sum::<f64>().sqrt() - 0.06).abs() < 0.02, "{on:?}");
         }
     }
-    let slides: Vec<_> = rubs[&("block_slide", "ramp")].iter().filter(|(_, rub)| (0.3..1.2).contains(&rub.time_s)).collect();
+    let slides: Vec<_> =
+        rubs[&("block_slide", "ramp")].iter().filter(|(_, rub)| (0.3..1.2).contains(&rub.time_s)).collect();
     assert_eq!(slides.len(), 90);
     for (rolls, rub) in slides {
         let speed = speed_at(&block, rub.time_s);

@@ -4,9 +4,11 @@
 use std::path::Path;
 
 use froufrou::Result;
+use froufrou::motion::moving::MovingBodies;
+use froufrou::motion::rigid::Kind;
 use froufrou::scene::Scene;
 use froufrou::scene::contact_log::ContactLog;
-use froufrou::scene::file::{Emitter, Enclosing, Motion, Played, Timing};
+use froufrou::scene::file::{Emitter, Enclosing, Motion, Played, Timing, Touching};
 use froufrou::scene::world::World;
 use froufrou::score::Repeat;
 use froufrou::space::reverberation;
@@ -35,6 +37,7 @@ pub struct SceneFindings {
     objects: Vec<ObjectFindings>,
     sounds: Vec<SoundFindings>,
     contacts: Vec<ContactFindings>,
+    touching: Vec<TouchingFindings>,
 }
 
 #[derive(Serialize)]
@@ -164,6 +167,44 @@ struct SoundFindings {
     to_s: Option<f64>,
 }
 
+/// Objects whose contacts are found from how they move.
+#[derive(Serialize)]
+struct TouchingFindings {
+    bodies: Vec<String>,
+    gravity_mps2: [f64; 3],
+    /// What was found of them.
+    found: Vec<BodyFindings>,
+}
+
+#[derive(Serialize)]
+struct BodyFindings {
+    name: String,
+    shape: String,
+    /// Nothing for what never moves.
+    mass_kg: Option<f64>,
+}
+
+impl TouchingFindings {
+    fn of(scene: &Scene, world: &World, touching: &Touching) -> Result<Self> {
+        let found = MovingBodies::open(scene, world, touching)?;
+        let found = found.bodies().map(|body| BodyFindings {
+            name: body.name().to_owned(),
+            shape: match body.shape().kind() {
+                Kind::Sphere(radius_m) => format!("ball, radius {} m", number(radius_m)),
+                Kind::Box(half) => format!("box, {} m", position(half.map(|half| 2.0 * half))),
+                Kind::Hull => "convex".to_owned(),
+                Kind::Triangles => "triangles".to_owned(),
+            },
+            mass_kg: body.moves().then(|| body.mass_kg()),
+        });
+        Ok(Self {
+            bodies: touching.bodies.iter().map(|pattern| pattern.text().to_owned()).collect(),
+            gravity_mps2: touching.gravity_mps2,
+            found: found.collect(),
+        })
+    }
+}
+
 #[derive(Serialize)]
 struct ContactFindings {
     log: String,
@@ -253,6 +294,11 @@ pub fn read(file: &Path, allow_outside: bool) -> Result<SceneFindings> {
             .iter()
             .map(|contacts| ContactFindings { log: contacts.log.name.clone(), step_s: contacts.step_s })
             .collect(),
+        touching: scene
+            .touching
+            .iter()
+            .map(|touching| TouchingFindings::of(&scene, &world, touching))
+            .collect::<Result<_>>()?,
     })
 }
 
@@ -340,6 +386,13 @@ impl Findings for SceneFindings {
             self.contacts.iter().map(|contacts| {
                 let step = contacts.step_s.map_or_else(|| "from its times".to_owned(), number);
                 vec![contacts.log.clone(), step]
+            }),
+        );
+        sheet.table(
+            &["contacts by motion", "shape", "mass (kg)"],
+            self.touching.iter().flat_map(|touching| &touching.found).map(|body| {
+                let mass = body.mass_kg.map_or_else(|| "never moves".to_owned(), number);
+                vec![body.name.clone(), body.shape.clone(), mass]
             }),
         );
         sheet

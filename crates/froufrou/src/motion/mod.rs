@@ -6,6 +6,8 @@ pub mod event;
 pub mod impact;
 pub mod lives;
 mod momentum;
+pub mod moving;
+pub mod rigid;
 pub mod rub;
 pub mod slide;
 

@@ -58,6 +58,8 @@ pub struct Scene {
     pub sounds: Vec<SceneSound>,
     /// The contact logs of simulations.
     pub contacts: Vec<Contacts>,
+    /// Objects whose contacts are found from how they move.
+    pub touching: Vec<Touching>,
 }
 
 /// Walls without gaps.
@@ -148,6 +150,8 @@ pub struct Material {
     pub air: Option<AirSound>,
     /// What it does to the sound of others.
     pub acoustics: Acoustics,
+    /// In kilograms a cubic metre.
+    pub density: f64,
 }
 
 /// What a material does to sound that meets it.
@@ -317,7 +321,7 @@ pub struct Object {
     pub material: Option<usize>,
     /// Which bodies of the contact logs it is.
     pub body: NamePattern,
-    /// The mass of each of its bodies in kilograms, where the author says it.
+    /// In kilograms, each of its bodies; what its volume weighs where `None`.
     pub mass_kg: Option<f64>,
 }
 
@@ -436,6 +440,15 @@ pub struct Contacts {
     /// Length of the simulation's step in seconds; `None`: found from the log's time stamps.
     pub step_s: Option<f64>,
     /// Gravity in metres a second squared, by which momentum tells what a thinned log does not.
+    pub gravity_mps2: [f64; 3],
+}
+
+/// Objects whose contacts are found from how they move.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Touching {
+    /// Names of objects or of their bodies, or patterns; not empty.
+    pub bodies: Vec<NamePattern>,
+    /// What pulls them, in m/s².
     pub gravity_mps2: [f64; 3],
 }
 

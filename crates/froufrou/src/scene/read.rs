@@ -9,7 +9,9 @@ use crate::{Error, Place, Result};
 use super::asset::{Asset, Folder, NamePattern};
 use super::contact_log::{ContactColumns, Push};
 use super::conventions::{Conventions, UpAxis};
-use super::file::{Contacts, Emitter, Microphone, Motion, Object, Point, Scene, Size, Source, Swarm, Wind};
+use super::file::{
+    Contacts, Emitter, Microphone, Motion, Object, Point, Scene, Size, Source, Swarm, Touching, Wind,
+};
 use super::listener::{CARDIOID, Layout, Listener, OMNI};
 use super::obj;
 use super::pose_log::PoseColumns;
@@ -95,15 +97,15 @@ const OBJECT: Keys = &[
     "offset",
     "point",
     "material",
-    "body",
     "mass",
+    "body",
     "sound",
 ];
 const OBJECT_KEY: Keys = &["t", "position"];
 const POINT: Keys = &["vertex"];
 const SWARM: Keys = &["count", "radius", "speed", "script"];
 const WIND: Keys = &["velocity", "gusts", "gust_period"];
-const CONTACTS: Keys = &["log", "columns", "step", "up", "unit", "time_offset", "gravity"];
+const CONTACTS: Keys = &["log", "bodies", "columns", "step", "up", "unit", "time_offset", "gravity"];
 const POSE_COLUMNS: Keys = &["t", "body", "position", "rotation", "velocity", "angular_velocity"];
 const COLUMNS: Keys = &[
     "t",
@@ -257,6 +259,7 @@ fn scene(text: &str, file: &Path, folder_path: &Path, folder: &Folder) -> Result
         objects: Vec::new(),
         sounds: Vec::new(),
         contacts: Vec::new(),
+        touching: Vec::new(),
     };
     if let Some(node) = top.get("material") {
         for (name, node) in node.named()?.entries() {
@@ -297,7 +300,12 @@ fn scene(text: &str, file: &Path, folder_path: &Path, folder: &Folder) -> Result
         scene.sounds.push(sounds::sound(&table, emitter, &scene.instruments, folder)?);
     }
     for node in list(&top, "contacts")? {
-        scene.contacts.push(contacts(&node.table(CONTACTS)?, folder)?);
+        let table = node.table(CONTACTS)?;
+        table.at_most_one(&["log", "bodies"])?;
+        match table.get("bodies") {
+            Some(bodies) => scene.touching.push(touching(&table, &bodies)?),
+            None => scene.contacts.push(contacts(&table, folder)?),
+        }
     }
     Ok(scene)
 }
@@ -701,11 +709,11 @@ fn object(table: &Table<'_, '_>, materials: &HashMap<&str, usize>, folder: &Fold
         None => NamePattern::literal(&name),
     };
     let size = table.get("size").map(|node| size(&node)).transpose()?;
+    let mass_kg = table.get("mass").map(|node| node.within("kilograms", 1e-9, 1e12)).transpose()?;
     let swarm = table.get("swarm").map(|node| swarm(&node, folder)).transpose()?;
     if swarm.is_some() && motion.is_none() {
         return Err(table.error("a swarm needs a middle: `source`, `position` or `track`"));
     }
-    let mass_kg = table.get("mass").map(|node| node.positive("a number of kilograms")).transpose()?;
     Ok(Object { name, motion, swarm, size, point, material, body, mass_kg })
 }
 
@@ -728,8 +736,24 @@ fn emitter(table: &Table<'_, '_>, objects: &[Object], names: &HashMap<String, us
     Ok(Emitter::Object(index))
 }
 
+/// Objects whose contacts are found from how they move.
+fn touching(table: &Table<'_, '_>, bodies: &Node<'_, '_>) -> Result<Touching> {
+    for key in ["columns", "step", "up", "unit", "time_offset"] {
+        needs(table, key, "a `log`")?;
+    }
+    let what = "the names of objects, or patterns";
+    let pattern = |node: &Node<'_, '_>| with_place(node, NamePattern::new(&node.text(what)?));
+    let patterns: Vec<NamePattern> = one_or_many(bodies)?.iter().map(pattern).collect::<Result<_>>()?;
+    if patterns.is_empty() {
+        return Err(bodies.expected(what));
+    }
+    let gravity_mps2 =
+        table.get("gravity").map_or(Ok(GRAVITY_MPS2), |node| node.vector("m/s² as [x, y, z]"))?;
+    Ok(Touching { bodies: patterns, gravity_mps2 })
+}
+
 fn contacts(table: &Table<'_, '_>, folder: &Folder) -> Result<Contacts> {
-    let log = table.required("log", "the name of a CSV file, which may be gzipped")?;
+    let log = table.required("log", "the name of a CSV file, which may be gzipped, or `bodies` instead")?;
     let asset = with_place(&log, folder.file(&log.text("the name of a CSV file")?))?;
     let columns = table.required("columns", "a table of the log's column names")?.table(COLUMNS)?;
     let name = |key: &str| columns.required(key, "the name of a column")?.text("the name of a column");

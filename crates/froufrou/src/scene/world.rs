@@ -366,6 +366,16 @@ impl Carrier {
         Some(next - self.origin_s).filter(|&next_s| next_s > time_s)
     }
 
+    /// How many keys its motion has, from a file; those of a hand-set track count as none.
+    pub fn key_count(&self) -> usize {
+        match &self.way {
+            Way::Track(_) | Way::Member { .. } => 0,
+            Way::Animated { animation, object, .. } => {
+                animation.objects().get(*object).map_or(0, |object| object.key_times.len())
+            }
+        }
+    }
+
     /// True where it is suddenly elsewhere at a time, not on its way there from `before_s`.
     ///
     /// A track in steps says so. An animation does not: there a jump is a frame in which the object

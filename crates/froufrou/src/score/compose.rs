@@ -25,6 +25,7 @@ use super::{
 use crate::corpus::dictionary::Dictionary;
 use crate::motion::contacts::LogEvents;
 use crate::motion::event::Event;
+use crate::motion::moving::MovingBodies;
 use crate::random::Random;
 use crate::scene::file::{Acoustics, Emitter, Material, Played, Scene, SceneSound, StartKey, Timing};
 use crate::scene::world::{Carrier, RigidBodies, World};
@@ -97,21 +98,30 @@ pub struct SoundFacts {
     pub grains: Option<Arc<Dictionary>>,
 }
 
-/// What happens in a scene by itself, told by its contact logs, in time order.
+/// What happens in a scene by itself, told by its contact logs and by how its objects move, in time order.
 pub struct Events {
-    logs: Vec<Peekable<LogEvents>>,
+    sources: Vec<Peekable<EventSource>>,
 }
 
+type EventSource = Box<dyn Iterator<Item = Result<Event>> + Send>;
+
 impl Events {
-    /// Opens the contact logs of a scene, whose bodies move as its objects do.
+    /// Opens the contact logs of a scene, and looks at the objects whose contacts are found from their motion.
     ///
     /// # Errors
-    /// A log that cannot be read.
+    /// A log that cannot be read; an object that is not there, or is no rigid body.
     pub fn open(scene: &Scene, world: &World) -> Result<Self> {
-        let bodies = RigidBodies::of(scene, world);
-        let logs =
-            scene.contacts.iter().map(|contacts| Ok(LogEvents::open(contacts, bodies.clone())?.peekable()));
-        Ok(Self { logs: logs.collect::<Result<_>>()? })
+        let mut sources: Vec<Peekable<EventSource>> = Vec::new();
+        let rigid = RigidBodies::of(scene, world);
+        for contacts in &scene.contacts {
+            let log: EventSource = Box::new(LogEvents::open(contacts, rigid.clone())?);
+            sources.push(log.peekable());
+        }
+        for touching in &scene.touching {
+            let bodies: EventSource = Box::new(MovingBodies::open(scene, world, touching)?);
+            sources.push(bodies.peekable());
+        }
+        Ok(Self { sources })
     }
 }
 
@@ -120,8 +130,8 @@ impl Iterator for Events {
 
     fn next(&mut self) -> Option<Self::Item> {
         let mut first: Option<(usize, f64)> = None;
-        for (index, log) in self.logs.iter_mut().enumerate() {
-            let time_s = match log.peek() {
+        for (index, source) in self.sources.iter_mut().enumerate() {
+            let time_s = match source.peek() {
                 None => continue,
                 Some(Err(_)) => f64::NEG_INFINITY,
                 Some(Ok(event)) => event.time_s(),
@@ -130,7 +140,7 @@ impl Iterator for Events {
                 first = Some((index, time_s));
             }
         }
-        self.logs[first?.0].next()
+        self.sources[first?.0].next()
     }
 }
 

@@ -17,7 +17,11 @@ use crate::space::directivity::Directivity;
 
 pub(super) const INSTRUMENT: Keys = &["kind", "table", "modes", "script", "with"];
 pub(super) const MODE: Keys = &["frequency", "decay", "gain", "points"];
-pub(super) const MATERIAL: Keys = &["impact", "slide", "roll", "grains", "air", "reflect", "occlude"];
+/// Of what nobody says what it weighs, in kilograms a cubic metre: water.
+const DENSITY: f64 = 1000.0;
+
+pub(super) const MATERIAL: Keys =
+    &["impact", "slide", "roll", "grains", "air", "reflect", "occlude", "density"];
 pub(super) const GRAINS: Keys = &[
     "corpus",
     "shader",
@@ -280,6 +284,9 @@ pub(super) fn material(
             reflect: table.get("reflect").map(|node| reflect(&node)).transpose()?.flatten(),
             transmission: table.get("occlude").map(|node| occlude(&node)).transpose()?.flatten(),
         },
+        density: table
+            .get("density")
+            .map_or(Ok(DENSITY), |node| node.within("kilograms a cubic metre", 1e-3, 1e6))?,
     })
 }
 

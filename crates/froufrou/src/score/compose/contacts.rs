@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use super::voice::{Place, Voice};
 use super::{Composer, Due, Group, What, from_db, tidy};
 use crate::Result;
-use crate::motion::event::{Event, Impact, Rub};
+use crate::motion::event::{Cause, Event, Impact, Rub};
 use crate::random::Random;
 use crate::scene::file::{ImpactSound, Material, Played, RubSound};
 use crate::scene::world::{Carrier, body_named};
@@ -46,9 +46,16 @@ impl Rubbing {
 }
 
 impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
-    /// The objects that a body of a log is, which is one or none.
-    fn object_of(&self, body: &str) -> Option<usize> {
-        self.scene.objects.iter().position(|object| object.body.matches(body))
+    /// The object that a body is, which is one or none: logs have names of their own, what is told by motion alone
+    /// has those of the world.
+    fn object_of(&self, body: &str, cause: &Cause) -> Option<usize> {
+        let of_log = || self.scene.objects.iter().position(|object| object.body.matches(body));
+        let of_world =
+            || self.world.objects.iter().position(|bodies| bodies.iter().any(|other| other.name == body));
+        match cause {
+            Cause::Log(_) => of_log(),
+            Cause::Motion(_) => of_world().or_else(of_log),
+        }
     }
 
     /// Lets both bodies of an impact sound, as their materials have it.
@@ -57,7 +64,7 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
             return Ok(());
         }
         for (body, other) in [(&impact.a, &impact.b), (&impact.b, &impact.a)] {
-            let Some(index) = self.object_of(body) else { continue };
+            let Some(index) = self.object_of(body, &impact.cause) else { continue };
             let material = self.scene.objects[index].material.and_then(|m| self.scene.materials.get(m));
             let Some(material) = material else { continue };
             // A sound of its own comes before the grains of the material.
@@ -171,7 +178,7 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
             return Ok(());
         }
         for (body, other) in [(&rub.a, &rub.b), (&rub.b, &rub.a)] {
-            let Some(index) = self.object_of(body) else { continue };
+            let Some(index) = self.object_of(body, &rub.cause) else { continue };
             let material = self.scene.objects[index].material.and_then(|m| self.scene.materials.get(m));
             let Some(material) = material else { continue };
             match (how.sound(material), &material.grains) {
