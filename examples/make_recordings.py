@@ -257,17 +257,68 @@ def engine():
 
 
 # ---------------------------------------------------------------------------------------------
+# What goes on: bodies that roll and slide, for corpora of grains
+
+
+def going_on(modes, blows, length_s):
+    """What rings under many small blows: `blows` is their force over time, one value a sample."""
+    n = int(length_s * RATE)
+    ring = strike(modes, 0.0003, 0.25)
+    x = signal.fftconvolve(blows, ring)[:n]
+    # Its ends are no part of it: the grains that are cut there fade anyway.
+    x -= x.mean()
+    return x * PEAK / np.abs(x).max()
+
+
+def swell(rng, n, rate_hz, depth):
+    """A factor that wanders about 1, as fast as so many times a second."""
+    sos = signal.butter(2, rate_hz, "lowpass", fs=RATE, output="sos")
+    x = signal.sosfilt(sos, rng.standard_normal(n + RATE))[RATE:]
+    return np.exp(depth * x / x.std())
+
+
+def rolled(index):
+    """A wooden ball that rolls on boards: some three hundred small blows a second, of very unequal strength, on the
+    modes of both, and the hiss of the surfaces; now louder, now softer as the boards have it."""
+    rng = np.random.default_rng(700 + index)
+    length, n = 2.0, int(2.0 * RATE)
+    modes = [(f, min(tau, 0.03), w) for f, tau, w in plate_modes(0.6, 1.4, 0.022, 10e9, 500, 0.06, rng.uniform(0.2, 0.48, 2), 24, 0.02, rng)]
+    modes += [(f * rng.uniform(0.97, 1.03), 0.008, w) for f, w in ((760, 0.5), (1180, 0.4), (1730, 0.3), (2600, 0.15))]
+    blows = np.zeros(n)
+    at = rng.uniform(0, n, int(300 * length)).astype(int)
+    np.add.at(blows, at, rng.lognormal(0, 1.1, len(at)))
+    blows += 0.02 * rng.standard_normal(n)
+    return going_on(modes, blows * swell(rng, n, 4, 0.3), length)
+
+
+def scraped(index):
+    """A wooden box that slides on boards: rough noise that catches and lets go, on the modes of the box."""
+    rng = np.random.default_rng(720 + index)
+    length, n = 2.0, int(2.0 * RATE)
+    modes = [(f * 0.62, min(tau, 0.01), w) for f, tau, w in plate_modes(0.2, 0.2, 0.008, 9e9, 520, 0.03, rng.uniform(0.12, 0.45, 2), 24, 0.012, rng)]
+    modes += [(rng.uniform(2800, 3300), 0.002, 0.4), (rng.uniform(4300, 5200), 0.0015, 0.3)]
+    blows = rng.standard_normal(n) * swell(rng, n, 45, 0.5) * swell(rng, n, 5, 0.25)
+    sos = signal.butter(1, 900, "highpass", fs=RATE, output="sos")
+    return going_on(modes, signal.sosfilt(sos, blows) + 0.15 * blows, length)
+
+
+# ---------------------------------------------------------------------------------------------
 # Which scene has which
 
 
 HITS = {"rubber": (rubber, 6), "wood": (wood, 6), "stone": (stone, 6), "coin": (coin, 6), "floor": (floor, 5)}
 LOOPS = {"rumble": rumble, "siren": siren, "engine": engine}
+LASTING = {"rolled": (rolled, 2), "scraped": (scraped, 2)}
 SCENES = {
     "bounce": ["rubber", "wood"],
     "ambulance": ["siren", "engine"],
     "collisions": ["stone", "wood", "coin"],
     "tower": ["wood", "floor", "rumble"],
     "demo": ["siren", "rubber", "wood", "coin"],
+}
+# Of corpora, by what the bodies do: the folders that `froufrou grains build` takes labels from.
+CORPORA = {
+    "topple": {"hit": ["wood"], "roll": ["rolled"], "slide": ["scraped"]},
 }
 
 
@@ -277,21 +328,32 @@ def main():
         made[name] = [(f"{name}{k + 1}.flac", x) for k, x in enumerate(levelled([make(k) for k in range(count)]))]
     for name, make in LOOPS.items():
         made[name] = [(f"{name}.flac", make())]
+    for name, (make, count) in LASTING.items():
+        made[name] = [(f"{name}{k + 1}.flac", make(k)) for k in range(count)]
     total = 0
-    for scene, names in SCENES.items():
+    for scene in SCENES | CORPORA:
         folder = HERE / scene / "recordings"
-        folder.mkdir(parents=True, exist_ok=True)
-        for old in folder.glob("*.flac"):
-            old.unlink()
-        for name in names:
-            for file, x in made[name]:
-                sf.write(folder / file, np.round(x * 32767).astype(np.int16), RATE, format="FLAC", subtype="PCM_16", compression_level=1.0)
-        size = sum(f.stat().st_size for f in folder.iterdir())
+        size = write(folder, SCENES.get(scene, []), made)
+        for action, names in CORPORA.get(scene, {}).items():
+            size += write(folder / action, names, made)
         total += size
         print(f"{scene:<12} {size / 1000:6.0f} kB")
     print(f"{'together':<12} {total / 1000:6.0f} kB")
     if "--check" in sys.argv[1:]:
         check(made)
+
+
+def write(folder, names, made):
+    """Writes recordings in the place of those that are there; gives their size in bytes."""
+    if not names:
+        return 0
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in folder.glob("*.flac"):
+        old.unlink()
+    for name in names:
+        for file, x in made[name]:
+            sf.write(folder / file, np.round(x * 32767).astype(np.int16), RATE, format="FLAC", subtype="PCM_16", compression_level=1.0)
+    return sum(file.stat().st_size for file in folder.glob("*.flac"))
 
 
 def check(made):

@@ -9,6 +9,7 @@ use froufrou::motion::event;
 use froufrou::scene::asset::Asset;
 use froufrou::scene::contact_log::{ContactColumns, ContactLog, Push, UpAxis};
 use froufrou::scene::file::Contacts;
+use froufrou::scene::world::RigidBodies;
 use froufrou_fuzz::{target, with_file};
 
 /// The columns of the seeds: those that all must have, or all that there may be.
@@ -46,8 +47,8 @@ target!(|bytes| {
         with_file(bytes, "csv", |path| {
             let log = Asset { name: "log.csv".into(), path: path.into() };
             for step_s in [None, Some(0.001)] {
-                let contacts = Contacts { log: log.clone(), columns: columns.clone(), step_s };
-                let Ok(events) = LogEvents::open(&contacts) else { continue };
+                let contacts = Contacts { log: log.clone(), columns: columns.clone(), step_s, gravity_mps2: [0.0, -9.81, 0.0] };
+                let Ok(events) = LogEvents::open(&contacts, RigidBodies::default()) else { continue };
                 let mut last_s = f64::NEG_INFINITY;
                 for event in events {
                     let Ok(found) = event else { break };

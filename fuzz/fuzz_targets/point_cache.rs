@@ -20,7 +20,7 @@ target!(|bytes| {
             unit_m: Some(0.01),
             frame_rate_hz: Some(30.0),
             faces,
-            clip: None,
+            ..Conventions::default()
         };
         for conventions in [Conventions::default(), other] {
             let Ok(animation) = PointCache::open(path, &conventions) else { continue };

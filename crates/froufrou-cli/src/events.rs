@@ -30,9 +30,9 @@ impl Events {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let scene = self.scene.open()?;
+        let world = World::open(&scene)?;
         let mut output = files::Output::create(&self.output)?;
         let mut count = Count::new("events", &self.output);
-        let world = World::open(&scene)?;
         for event in compose::Events::open(&scene, &world)? {
             let event = event?;
             event::write(&mut output, &event).map_err(|fault| Error::io("write", &self.output, fault))?;

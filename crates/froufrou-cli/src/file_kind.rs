@@ -5,6 +5,7 @@ use std::io::Read;
 use std::path::Path;
 
 use froufrou::scene::format::AnimationFormat;
+use froufrou::scene::pose_log::PoseLog;
 use froufrou::{Error, Result};
 
 /// Enough to get past the comments that stand above the first line of most text files.
@@ -48,9 +49,14 @@ impl FileKind {
         let mut head = Vec::new();
         file.take(HEAD_BYTES).read_to_end(&mut head).map_err(|fault| Error::io("read", path, fault))?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-        Self::of_head(&head, &name, metadata.len()).ok_or_else(|| {
+        let kind = Self::of_head(&head, &name, metadata.len()).ok_or_else(|| {
             let what = if head.is_empty() { "the file is empty" } else { "the file is of no known kind" };
             Error::new(what).in_file(path).help(format!("read are {readable}"))
+        })?;
+        // Both logs are tables, which their columns tell apart.
+        Ok(match kind {
+            Self::ContactLog if PoseLog::recognises(path) => Self::Animation(AnimationFormat::PoseLog),
+            kind => kind,
         })
     }
 

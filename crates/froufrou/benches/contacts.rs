@@ -58,7 +58,7 @@ fn analyse(bencher: Bencher) {
         let mut analyser = Analyser::new(Settings::new(Step::Stamped(0.001)));
         let mut blows = 0;
         for row in &rows {
-            analyser.feed(row).unwrap_or_default();
+            analyser.feed(row, [None; 2]).unwrap_or_default();
             while analyser.next_blow().is_some() {
                 blows += 1;
             }

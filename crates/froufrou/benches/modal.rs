@@ -44,7 +44,8 @@ fn second(generator: &mut dyn Generator, controls: &[Ramp], strikes: &[Strike]) 
     for first in (0..RATE_HZ as u64).step_by(count) {
         let end_s = (first + count as u64) as f64 / RATE_HZ;
         let end = next + strikes[next..].iter().take_while(|strike| strike.time_s < end_s).count();
-        let stretch = Stretch { first, rate_hz: RATE_HZ, controls, strikes: &strikes[next..end] };
+        let stretch =
+            Stretch { first, rate_hz: RATE_HZ, controls, strikes: &strikes[next..end], grains: &[] };
         next = end;
         generator.generate(&stretch, &mut out).expect("it plays");
         sum += out[0];

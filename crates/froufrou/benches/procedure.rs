@@ -27,7 +27,7 @@ fn second_of(bencher: Bencher, procedure: &Procedure) {
     let mut first = 0;
     bencher.counter(ItemsCount::new(1_usize)).bench_local(|| {
         for _ in 0..48_000 / count {
-            let stretch = Stretch { first, rate_hz: RATE_HZ, controls: &ramps, strikes: &[] };
+            let stretch = Stretch { first, rate_hz: RATE_HZ, controls: &ramps, strikes: &[], grains: &[] };
             voice.generate(&stretch, &mut out).expect("a sound");
             first += count as u64;
         }

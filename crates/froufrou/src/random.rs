@@ -45,6 +45,14 @@ impl Random {
         (self.bits(index) >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
+    /// A number at an index that is normally distributed, with mean 0 and variance 1.
+    pub fn normal(self, index: u64) -> f64 {
+        // Box and Muller's transform of two halves of a generator of its own.
+        let pair = Self { key: self.bits(index) };
+        let length = (-2.0 * (1.0 - pair.uniform(0)).ln()).sqrt();
+        length * (std::f64::consts::TAU * pair.uniform(1)).cos()
+    }
+
     /// A number in 0..n at an index; 0 where n is 0.
     pub fn below(self, index: u64, n: usize) -> usize {
         // Multiply-shift: bias below n / 2⁶⁴.
@@ -55,6 +63,18 @@ impl Random {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn normal_has_the_moments_of_a_normal_distribution() {
+        let n = 100_000;
+        let random = Random::new(3, 9);
+        let moment = |power: i32| (0..n).map(|i| random.normal(i).powi(power)).sum::<f64>() / n as f64;
+        for (power, expected, error) in [(1, 0.0, 0.01), (2, 1.0, 0.02), (3, 0.0, 0.05), (4, 3.0, 0.1)] {
+            assert!((moment(power) - expected).abs() < error, "{power}: {}", moment(power));
+        }
+        let serial = (0..n).map(|i| random.normal(i) * random.normal(i + 1)).sum::<f64>() / n as f64;
+        assert!(serial.abs() < 0.01, "{serial}");
+    }
 
     #[test]
     fn uniform_has_the_moments_of_a_uniform_distribution() {

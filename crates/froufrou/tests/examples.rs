@@ -317,7 +317,7 @@ fn a_wire_sings_as_the_wind_blows() {
         .filter_map(|line| match line.unwrap() {
             ObjectLine::Cue(cue) if cue.thread == 2 => match cue.action {
                 Action::Set(values) => Some((cue.time_s, values[0].1)),
-                Action::Strike(_) => None,
+                Action::Strike(_) | Action::Grain(_) => None,
             },
             _ => None,
         })

@@ -19,7 +19,7 @@ fn render(modes: &Modes, rate_hz: f64, seconds: f64, strikes: &[Strike]) -> Vec<
         let first = (index * count) as u64;
         let end_s = (first + count as u64) as f64 / rate_hz;
         let end = next + strikes[next..].iter().take_while(|strike| strike.time_s < end_s).count();
-        let stretch = Stretch { first, rate_hz, controls: &[], strikes: &strikes[next..end] };
+        let stretch = Stretch { first, rate_hz, controls: &[], strikes: &strikes[next..end], grains: &[] };
         generator.generate(&stretch, out).unwrap();
         next = end;
     }

@@ -50,7 +50,8 @@ impl Play<'_> {
                 .collect();
             let due: Vec<Strike> =
                 self.strikes.iter().filter(|strike| (from..to).contains(&strike.time_s)).copied().collect();
-            let stretch = Stretch { first, rate_hz: self.rate_hz, controls: &ramps, strikes: &due };
+            let stretch =
+                Stretch { first, rate_hz: self.rate_hz, controls: &ramps, strikes: &due, grains: &[] };
             voice.generate(&stretch, &mut out)?;
             samples.extend(out.iter().map(|&sample| f64::from(sample)));
         }

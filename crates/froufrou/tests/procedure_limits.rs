@@ -27,7 +27,7 @@ fn outcome(source: &str, stretches: u64) -> Result<(), String> {
             let time_s = first as f64 / 48_000.0;
             let strikes = [Strike { time_s, impulse_ns: 1.0, place: 0.5, contact_s: 0.001 }];
             voice.generate(
-                &Stretch { first, rate_hz: 48_000.0, controls: &ramps, strikes: &strikes },
+                &Stretch { first, rate_hz: 48_000.0, controls: &ramps, strikes: &strikes, grains: &[] },
                 &mut out,
             )?;
         }

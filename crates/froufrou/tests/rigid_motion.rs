@@ -14,7 +14,7 @@ use froufrou::motion::rigid::{Analyser, Body, Kind, Shape};
 use froufrou::motion::{contacts::LogEvents, moving::MovingBodies};
 use froufrou::scene::Scene;
 use froufrou::scene::animation::Transform;
-use froufrou::scene::world::World;
+use froufrou::scene::world::{RigidBodies, World};
 use froufrou::score::compose::Events;
 
 fn data(name: &str) -> Option<PathBuf> {
@@ -61,11 +61,12 @@ fn scene(text: &str) -> Option<(Scene, World)> {
 }
 
 fn impacts(events: &[Event]) -> Vec<&Impact> {
-    let impact = |event| match event {
-        Event::Impact(impact) => Some(impact),
-        Event::Slide(_) | Event::Roll(_) => None,
-    };
-    // A reference to each, which the closure alone would not give.
+    fn impact(event: &Event) -> Option<&Impact> {
+        match event {
+            Event::Impact(impact) => Some(impact),
+            Event::Slide(_) | Event::Roll(_) => None,
+        }
+    }
     events.iter().filter_map(impact).collect()
 }
 
@@ -235,7 +236,8 @@ fn loud_impacts_of_the_log_are_in_the_poses_at_62_and_31_hertz() {
     let text = "[[contacts]]\nlog = 'pybullet_mixed_1kHz_contacts.csv.gz'\ncolumns = { t = 't', a = 'bodyA', \
                 b = 'bodyB', position = ['px', 'py', 'pz'], normal_force = 'Fn' }";
     let scene = Scene::parse(text, log.with_file_name("scene.toml"), false).unwrap();
-    let logged: Vec<Event> = LogEvents::open(&scene.contacts[0]).unwrap().collect::<Result<_>>().unwrap();
+    let logged: Vec<Event> =
+        LogEvents::open(&scene.contacts[0], RigidBodies::default()).unwrap().collect::<Result<_>>().unwrap();
     // Those of the ball and the block of half a newton second and more.
     let loud: Vec<&Impact> = impacts(&logged)
         .into_iter()

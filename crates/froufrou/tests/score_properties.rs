@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 
 use froufrou::score::{
     Action, AnyDocument, Arrival, Blow, ChannelLine, ChannelReader, ChannelSpace, ChannelWriter, Cue,
-    Document, Header, Held, Loudspeaker, Make, Microphone, MicrophoneKey, MicrophoneShape, Mode, ObjectLine,
-    ObjectSpace, Order, Output, Pattern, Pickup, Placement, Pose, Radiation, Reader, Repeat, Sound, Space,
-    Start, Statement, Verb, Whereabouts, Writer, compare,
+    Document, Grain, Header, Held, Loudspeaker, Make, Microphone, MicrophoneKey, MicrophoneShape, Mode,
+    ObjectLine, ObjectSpace, Order, Output, Pattern, Pickup, Placement, Pose, Radiation, Reader, Repeat,
+    Sound, Space, Start, Statement, Verb, Whereabouts, Writer, compare,
 };
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
@@ -82,6 +82,7 @@ fn sounds() -> impl Strategy<Value = Vec<Sound>> {
                 1 => modes,
                 1 => select(plain),
                 1 => file().prop_map(|script| Make::Procedure { script }),
+                1 => file().prop_map(|corpus| Make::Grains { corpus }),
             ];
             (Just(name), make, values()).prop_map(|(name, make, with)| {
                 let with = if matches!(make, Make::Recording { .. }) { vec![] } else { with };
@@ -128,7 +129,9 @@ enum Line<V> {
 fn action() -> impl Strategy<Value = Action> {
     let blow = (not_negative(), not_negative(), not_negative());
     let blow = blow.prop_map(|(impulse_ns, place, contact_s)| Blow { impulse_ns, place, contact_s });
-    prop_oneof![values().prop_map(Action::Set), blow.prop_map(Action::Strike)]
+    let grain = (any::<u32>(), not_negative(), positive(), not_negative());
+    let grain = grain.prop_map(|(number, gain, speed, spread)| Grain { number, gain, speed, spread });
+    prop_oneof![values().prop_map(Action::Set), blow.prop_map(Action::Strike), grain.prop_map(Action::Grain)]
 }
 
 fn sketch<V: Debug + Clone + 'static>(value: BoxedStrategy<V>) -> impl Strategy<Value = Sketch<V>> {

@@ -24,7 +24,9 @@ fn render(instrument: &dyn Instrument, rate_hz: f64, seconds: f64, speed: impl F
         let time_s = |frame: u64| frame as f64 / rate_hz;
         let mut controls = vec![Ramp { from: speed(time_s(first)), to: speed(time_s(first + count as u64)) }];
         controls.resize(instrument.controls().len(), Ramp::still(1.0));
-        generator.generate(&Stretch { first, rate_hz, controls: &controls, strikes: &[] }, out).unwrap();
+        generator
+            .generate(&Stretch { first, rate_hz, controls: &controls, strikes: &[], grains: &[] }, out)
+            .unwrap();
     }
     out
 }
@@ -311,7 +313,13 @@ fn slipping_is_as_loud_as_the_force_and_rests_in_silence() {
         for index in 0..200 {
             let mut out = [0.0; 96];
             let controls = [Ramp::still(if index < 100 { 0.5 } else { 0.0 }), Ramp::still(force)];
-            let stretch = Stretch { first: index * 96, rate_hz: 48_000.0, controls: &controls, strikes: &[] };
+            let stretch = Stretch {
+                first: index * 96,
+                rate_hz: 48_000.0,
+                controls: &controls,
+                strikes: &[],
+                grains: &[],
+            };
             generator.generate(&stretch, &mut out).unwrap();
             all.extend(out);
         }

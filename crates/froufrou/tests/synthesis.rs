@@ -253,7 +253,7 @@ fn a_control_of_speed_follows_motion_and_wind() {
         let set = lines.filter_map(|line| match line {
             ObjectLine::Cue(cue) => match cue.action {
                 Action::Set(values) => Some((cue.time_s, values[0].1)),
-                Action::Strike(_) => None,
+                Action::Strike(_) | Action::Grain(_) => None,
             },
             _ => None,
         });

@@ -166,7 +166,7 @@ fn open(file: &Path, format: AnimationFormat) -> Result<(Arc<dyn Animation>, Fac
             facts.insert("frames a second", assumed());
             Arc::new(sequence)
         }
-        AnimationFormat::Obj => open_animation(file)?,
+        AnimationFormat::Obj | AnimationFormat::PoseLog => open_animation(file)?,
     };
     Ok((animation, facts))
 }

@@ -24,7 +24,7 @@ use crate::file_kind::FileKind;
 
 /// What is read.
 const READABLE: &str = "scenes (.toml), animations (.abc, .usd, .usda, .usdc, .usdz, .gltf, .glb, .pc2, .mdd, \
-                        .obj), audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), heads (.sofa), scores, events (.jsonl) and contact logs (.csv, .csv.gz)";
+                        .obj), audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), heads (.sofa), scores, events (.jsonl), contact logs and pose logs (.csv, .csv.gz)";
 
 /// Tells what is in a file: a scene, an animation, audio, a head, a score, events or a contact log.
 #[derive(Debug, clap::Args)]

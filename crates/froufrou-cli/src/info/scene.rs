@@ -101,6 +101,8 @@ struct MaterialFindings {
     impact: Option<PlayedFindings>,
     slide: Option<PlayedFindings>,
     roll: Option<PlayedFindings>,
+    /// The folder of the corpus.
+    grains: Option<String>,
     air: Option<PlayedFindings>,
 }
 
@@ -281,6 +283,7 @@ pub fn read(file: &Path, allow_outside: bool) -> Result<SceneFindings> {
                 impact: material.impact.as_ref().map(|i| PlayedFindings::of(&i.played, &scene)),
                 slide: material.slide.as_ref().map(|s| PlayedFindings::of(&s.played, &scene)),
                 roll: material.roll.as_ref().map(|s| PlayedFindings::of(&s.played, &scene)),
+                grains: material.grains.as_ref().map(|grains| grains.corpus.name.clone()),
                 air: material.air.as_ref().map(|a| PlayedFindings::of(&a.played, &scene)),
             })
             .collect(),
@@ -348,10 +351,17 @@ impl Findings for SceneFindings {
             played.as_ref().map_or_else(|| "–".to_owned(), PlayedFindings::told)
         };
         sheet.table(
-            &["material", "impact", "slide", "roll", "air"],
-            self.materials
-                .iter()
-                .map(|m| vec![m.name.clone(), told(&m.impact), told(&m.slide), told(&m.roll), told(&m.air)]),
+            &["material", "impact", "slide", "roll", "grains", "air"],
+            self.materials.iter().map(|m| {
+                vec![
+                    m.name.clone(),
+                    told(&m.impact),
+                    told(&m.slide),
+                    told(&m.roll),
+                    m.grains.clone().unwrap_or_else(|| "–".to_owned()),
+                    told(&m.air),
+                ]
+            }),
         );
         sheet.table(
             &["sound of", "plays", "repeats", "gain (dB)", "starts", "from (s)", "to (s)"],

@@ -20,12 +20,14 @@ use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 use realfft::RealFftPlanner;
+use serde::{Deserialize, Serialize};
 
 use super::spectral::{SpectralModel, check_sound};
 use crate::error::{Error, Result};
 
 /// How bodies touch in a recording.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Contact {
     /// They hit or break.
     Impulsive,
@@ -44,6 +46,19 @@ pub enum GrainKind {
     Transient,
 }
 
+/// What lies between two cuts of one part of a recording.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Segment {
+    /// What it was cut from.
+    pub kind: GrainKind,
+    /// Its first sample in that.
+    pub start: usize,
+    /// In samples.
+    pub length: usize,
+    /// The sum of squares.
+    pub energy: f64,
+}
+
 /// A short piece of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grain {
@@ -60,7 +75,8 @@ pub struct Grain {
 }
 
 /// How to cut recordings. Times are in seconds, so that one setting serves all rates.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Extraction {
     /// Length of the Hann window under which spectra are compared.
     pub frame_s: f64,
@@ -149,23 +165,47 @@ impl Extraction {
     /// # Errors
     /// Those of [`Extraction::extract_recording`].
     pub fn extract(&self, parts: &[(&[f32], GrainKind)], rate_hz: u32) -> Result<Vec<Grain>> {
-        let mut grains = Vec::new();
+        let segments = self.segments(parts, rate_hz)?;
+        let part_of = |segment: &Segment| parts.iter().find(|(_, kind)| *kind == segment.kind);
+        Ok(segments
+            .par_iter()
+            .map_init(RealFftPlanner::new, |planner, segment| {
+                let samples = part_of(segment).map_or(&[][..], |(samples, _)| samples);
+                let piece = samples.get(segment.start..segment.start + segment.length).unwrap_or_default();
+                let window = tukey(piece.len(), self.taper);
+                let samples: Vec<f32> =
+                    piece.iter().zip(&window).map(|(v, w)| (f64::from(*v) * w) as f32).collect();
+                let centroid_hz = centroid_hz(&samples, rate_hz, planner);
+                Grain {
+                    kind: segment.kind,
+                    start: segment.start,
+                    samples,
+                    energy: segment.energy,
+                    centroid_hz,
+                }
+            })
+            .collect())
+    }
+
+    /// What lies between the cuts of the parts of one recording, unless it is too quiet; parts are of different kinds.
+    /// In order of the parts and of time. The threshold is held against the strongest segment of all parts.
+    ///
+    /// # Errors
+    /// Those of [`Extraction::extract_recording`].
+    pub fn segments(&self, parts: &[(&[f32], GrainKind)], rate_hz: u32) -> Result<Vec<Segment>> {
+        let mut segments = Vec::new();
         for &(samples, kind) in parts {
             let cuts = self.cuts(samples, rate_hz)?;
-            let segments: Vec<(usize, usize)> = cuts.windows(2).map(|pair| (pair[0], pair[1])).collect();
-            let of_part: Vec<Grain> = segments
-                .into_par_iter()
-                .map_init(RealFftPlanner::new, |planner, (start, end)| {
-                    self.grain(&samples[start..end], start, kind, rate_hz, planner)
-                })
-                .collect();
-            grains.extend(of_part);
+            segments.extend(cuts.windows(2).map(|pair| {
+                let (start, length) = (pair[0], pair[1] - pair[0]);
+                Segment { kind, start, length, energy: energy(&samples[start..pair[1]]) }
+            }));
         }
-        let power = |grain: &Grain| grain.energy / grain.samples.len() as f64;
-        let loudest = grains.iter().map(power).fold(0.0, f64::max);
+        let power = |segment: &Segment| segment.energy / segment.length as f64;
+        let loudest = segments.iter().map(power).fold(0.0, f64::max);
         let least = loudest * 10f64.powf(self.threshold_db / 10.0);
-        grains.retain(|grain| grain.energy > 0.0 && power(grain) >= least);
-        Ok(grains)
+        segments.retain(|segment| segment.energy > 0.0 && power(segment) >= least);
+        Ok(segments)
     }
 
     /// The places where a sound is cut into segments, from 0 to its length: the inflection points of the smoothed
@@ -222,21 +262,7 @@ impl Extraction {
         ((self.hop_s * f64::from(rate_hz)).round() as usize).max(1)
     }
 
-    fn grain(
-        &self,
-        piece: &[f32],
-        start: usize,
-        kind: GrainKind,
-        rate_hz: u32,
-        planner: &mut RealFftPlanner<f64>,
-    ) -> Grain {
-        let window = tukey(piece.len(), self.taper);
-        let samples: Vec<f32> = piece.iter().zip(&window).map(|(v, w)| (f64::from(*v) * w) as f32).collect();
-        let centroid_hz = centroid_hz(&samples, rate_hz, planner);
-        Grain { kind, start, samples, energy: energy(piece), centroid_hz }
-    }
-
-    fn check(&self) -> Result<()> {
+    pub(super) fn check(&self) -> Result<()> {
         let times = [("frame_s", self.frame_s), ("hop_s", self.hop_s), ("shortest_s", self.shortest_s)];
         if let Some((name, value)) = times.into_iter().find(|(_, v)| !(1e-5..=10.0).contains(v)) {
             return Err(Error::new(format!("{name} is {value}, expected 0.00001 to 10 seconds")));
@@ -260,7 +286,7 @@ impl Extraction {
     }
 }
 
-fn energy(samples: &[f32]) -> f64 {
+pub(super) fn energy(samples: &[f32]) -> f64 {
     samples.iter().map(|&v| f64::from(v).powi(2)).sum()
 }
 
@@ -283,7 +309,7 @@ pub fn tukey(length: usize, taper: f64) -> Vec<f64> {
 }
 
 /// The mean frequency of a sound, weighted by the magnitudes of its spectrum; 0 for silence.
-fn centroid_hz(samples: &[f32], rate_hz: u32, planner: &mut RealFftPlanner<f64>) -> f64 {
+pub(super) fn centroid_hz(samples: &[f32], rate_hz: u32, planner: &mut RealFftPlanner<f64>) -> f64 {
     let size = samples.len().next_power_of_two().max(2);
     let fft = planner.plan_fft_forward(size);
     let mut input = fft.make_input_vec();

@@ -1,5 +1,6 @@
 //! What it can sound like: recordings in; signals that can be played out.
 
+pub mod dictionary;
 pub mod grains;
 pub mod looping;
 pub mod recording;

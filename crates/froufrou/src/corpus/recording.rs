@@ -14,7 +14,7 @@
 
 mod aiff;
 mod compressed;
-mod ogg;
+pub(crate) mod ogg;
 mod pcm;
 mod wav;
 

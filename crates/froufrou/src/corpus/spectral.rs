@@ -22,13 +22,16 @@ mod peaks;
 mod tests;
 mod tracking;
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Place, Result};
 
 /// The rates that sound may have.
-const RATES_HZ: std::ops::RangeInclusive<u32> = 1_000..=768_000;
+pub(super) const RATES_HZ: std::ops::RangeInclusive<u32> = 1_000..=768_000;
 
 /// How to look for sinusoids. Times are in seconds, so that one setting serves all rates.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct SpectralModel {
     /// Length of the window. Partials nearer to one another than 4 periods of it (87 Hz for 46 ms) are not told apart.
     pub window_s: f64,
@@ -145,7 +148,7 @@ impl SpectralModel {
         Ok(Split { sinusoids, residual })
     }
 
-    fn check(&self) -> Result<()> {
+    pub(super) fn check(&self) -> Result<()> {
         let positive = [("window_s", self.window_s), ("hop_s", self.hop_s)];
         if let Some((name, value)) = positive.into_iter().find(|(_, v)| !(1e-5..=10.0).contains(v)) {
             return Err(Error::new(format!("{name} is {value}, expected 0.00001 to 10 seconds")));

@@ -1,114 +1,250 @@
-//! What happens in a contact log: its impacts and slides, in order of time.
+//! What happens in a contact log: its impacts, slides and rolls, in order of time.
 
-use super::event::{Cause, Event, Impact, LogRows, Rub};
-use super::impact::{Analyser, Blow, Settings, Step};
-use super::slide;
-use crate::scene::contact_log::{ContactLog, step_of_times};
+use super::body::BodyState;
+use super::event::{Cause, Event, LogRows};
+use super::impact::{Settings, Step};
+use super::lives::{Found, Lives};
+use super::momentum::{Momentum, Survey};
+use crate::scene::contact_log::{ContactLog, ContactRow, step_of_times};
 use crate::scene::file::Contacts;
+use crate::scene::world::{Carrier, RigidBodies};
 use crate::{Error, Place, Result};
 
 /// How many rows at the beginning of a log tell its step.
 const ROWS_FOR_STEP: usize = 100_000;
 /// The slowest simulation that is believed without being told: a tenth of a second a step.
 const LONGEST_STEP_S: f64 = 0.1;
+/// Where nobody says the step, rows that are further apart than this, in seconds, are a part of a simulation's alone: it
+/// would hardly stand at so long a step.
+const THINNED_S: f64 = 1.0 / 130.0;
 
 /// What happens in a contact log, in order of time. It ends after its first error.
-#[derive(Debug)]
 pub struct LogEvents {
     log: ContactLog,
     name: String,
-    impacts: Analyser,
-    slides: slide::Analyser,
-    /// The blow that comes next, held back until no slide can come before it.
-    blow: Option<Blow>,
+    lives: Lives,
+    poses: Poses,
+    /// Where the log has not all steps of its simulation.
+    thinned: Option<Thinned>,
     over: bool,
 }
 
+/// A log that is taken frame by frame, with what lies between them.
+struct Thinned {
+    momentum: Momentum,
+    spacing_s: f64,
+    time_s: f64,
+    rows: Vec<ContactRow>,
+}
+
+/// How the bodies of a log move, by their numbers there.
+#[derive(Default)]
+pub(super) struct Poses {
+    bodies: RigidBodies,
+    /// What carries each body that was met, and its state at the time that was last asked for.
+    met: Vec<Option<Posed>>,
+}
+
+struct Posed {
+    carrier: Carrier,
+    mass_kg: Option<f64>,
+    time_s: f64,
+    state: Option<BodyState>,
+}
+
+impl Poses {
+    /// Looks for the bodies that a log has named anew.
+    pub(super) fn meet(&mut self, log: &ContactLog) {
+        for name in log.bodies().iter().skip(self.met.len()) {
+            let carrier = self.bodies.carrier(name).cloned();
+            let mass_kg = self.bodies.mass_kg(name);
+            self.met.push(carrier.map(|carrier| Posed { carrier, mass_kg, time_s: f64::NAN, state: None }));
+        }
+    }
+
+    pub(super) fn state(&mut self, body: u32, time_s: f64) -> Result<Option<BodyState>> {
+        let Some(Some(posed)) = self.met.get_mut(body as usize) else { return Ok(None) };
+        if posed.time_s != time_s {
+            posed.state = posed.carrier.state(time_s)?;
+            posed.time_s = time_s;
+        }
+        Ok(posed.state)
+    }
+
+    /// The state of a body at any time, while that of the time last asked for is kept.
+    pub(super) fn fresh_state(&self, body: u32, time_s: f64) -> Result<Option<BodyState>> {
+        let Some(Some(posed)) = self.met.get(body as usize) else { return Ok(None) };
+        posed.carrier.state(time_s)
+    }
+
+    /// The mass that the scene gives a body.
+    pub(super) fn mass_kg(&self, body: usize) -> Option<f64> {
+        self.met.get(body)?.as_ref()?.mass_kg
+    }
+
+    /// Whether the file of a body states how fast it moves.
+    pub(super) fn states_velocity(&self, body: usize) -> bool {
+        let posed = self.met.get(body).and_then(Option::as_ref);
+        posed.is_some_and(|posed| posed.carrier.states_velocity())
+    }
+
+    /// The first sample of any body after a time.
+    fn next_sample_s(&self, time_s: f64) -> Option<f64> {
+        let times = self.met.iter().flatten().filter_map(|posed| posed.carrier.next_key_s(time_s));
+        times.min_by(f64::total_cmp)
+    }
+
+    /// How two bodies moved at their last samples before a time; nothing where neither is known.
+    fn before(&self, bodies: [u32; 2], time_s: f64) -> Result<Option<[BodyState; 2]>> {
+        let mut found = [None; 2];
+        for (state, body) in found.iter_mut().zip(bodies) {
+            let Some(Some(posed)) = self.met.get(body as usize) else { continue };
+            let Some(sample_s) = posed.carrier.sample_before_s(time_s) else { continue };
+            *state = posed.carrier.state(sample_s)?;
+        }
+        let known = found != [None; 2];
+        Ok(known.then(|| found.map(|state| state.unwrap_or(BodyState::STILL))))
+    }
+}
+
 impl LogEvents {
-    /// Opens a log. Where the scene does not say the length of the simulation's step, the beginning
-    /// of the log is read twice to find it.
+    /// Opens a log, whose bodies move as those of a scene do, as far as it has them. Where the scene does not say the
+    /// length of the simulation's step, the beginning of the log is read twice to find it.
     ///
     /// # Errors
     /// A log that cannot be read, or whose step cannot be told.
-    pub fn open(contacts: &Contacts) -> Result<Self> {
-        let step = match contacts.step_s {
+    pub fn open(contacts: &Contacts, bodies: RigidBodies) -> Result<Self> {
+        let mut step = match contacts.step_s {
             Some(step_s) => Step::Fixed(step_s),
             None => Step::Stamped(find_step(contacts)?),
         };
+        let mut poses = Poses { bodies, met: Vec::new() };
+        let thinned = thinned(contacts, step, &mut poses)?;
+        if let Some(thinned) = &thinned {
+            step = Step::Stamped(thinned.spacing_s);
+        }
         Ok(Self {
             log: ContactLog::open(&contacts.log.path, &contacts.columns)?,
             name: contacts.log.name.clone(),
-            impacts: Analyser::new(Settings::new(step)),
-            slides: slide::Analyser::new(step),
-            blow: None,
+            lives: Lives::new(Settings::new(step)),
+            poses,
+            thinned,
             over: false,
         })
     }
 
+    /// Whether the log has not all steps of its simulation, so that momentum tells what happens between them.
+    pub fn is_thinned(&self) -> bool {
+        self.thinned.is_some()
+    }
+
     /// What counts as an impact here.
     pub fn settings(&self) -> &Settings {
-        self.impacts.settings()
+        self.lives.settings()
     }
 
-    /// Two bodies by name and not by number, for numbers depend on who is met first; and the sign of a
-    /// normal in this order.
-    fn names(&self, bodies: [u32; 2]) -> (String, String, f64) {
-        let name = |body: u32| self.log.bodies().get(body as usize).map_or("", |name| name).to_owned();
-        let [a, b] = bodies.map(name);
-        if a <= b { (a, b, 1.0) } else { (b, a, -1.0) }
-    }
-
-    fn cause(&self, [first_line, last_line]: [u64; 2]) -> Cause {
-        Cause::Log(LogRows { log: self.name.clone(), first_line, last_line })
-    }
-
-    fn impact(&self, blow: Blow) -> Event {
-        let (a, b, sign) = self.names(blow.bodies);
-        Event::Impact(Impact {
-            time_s: blow.time_s,
-            a,
-            b,
-            position_m: blow.position_m,
-            on_m: None,
-            impulse_ns: blow.impulse_ns,
-            normal: blow.normal.map(|n| n.map(|c| c * sign)),
-            speed_mps: blow.speed_mps,
-            tangential_mps: None,
-            cause: self.cause(blow.lines),
-        })
-    }
-
-    fn slide(&self, found: slide::Sliding) -> Event {
-        let (a, b, _) = self.names(found.bodies);
-        Event::Slide(Rub {
-            time_s: found.time_s,
-            lasts_s: found.lasts_s,
-            a,
-            b,
-            position_m: found.position_m,
-            on_m: None,
-            speed_mps: found.speed_mps,
-            force_n: found.force_n,
-            cause: self.cause(found.lines),
-        })
-    }
-
-    /// The next event, if nothing can come before it any more.
-    fn settled(&mut self) -> Option<Event> {
-        if self.blow.is_none() {
-            self.blow = self.impacts.next_blow();
+    fn event(&self, mut found: Found) -> Result<Event> {
+        if let Found::Blow(blow) = &mut found
+            && let Some(before) = self.poses.before(blow.bodies, blow.time_s - self.step_s())?
+        {
+            blow.approach(before);
         }
-        let blow_s = self.blow.map_or(f64::INFINITY, |blow| blow.time_s);
-        let slide_s = self.slides.next_s().unwrap_or(f64::INFINITY);
-        if slide_s <= blow_s.min(self.impacts.settled_s()) {
-            return self.slides.pop().map(|found| self.slide(found));
-        }
-        // What slides now is told at the end of its moment.
-        if blow_s < slide_s.min(self.slides.settled_s()) || self.over {
-            return self.blow.take().map(|blow| self.impact(blow));
-        }
-        None
+        let names = found.bodies().map(|body| self.log.bodies().get(body as usize).map_or("", |name| name));
+        let [first_line, last_line] = found.lines();
+        Ok(found.event(names, Cause::Log(LogRows { log: self.name.clone(), first_line, last_line })))
     }
+
+    fn step_s(&self) -> f64 {
+        let (Step::Fixed(step_s) | Step::Stamped(step_s)) = self.settings().step;
+        step_s
+    }
+
+    fn feed(&mut self, row: ContactRow) -> Result<()> {
+        self.poses.meet(&self.log);
+        if let Some(thinned) = &mut self.thinned {
+            if thinned.rows.is_empty() && row.time_s < thinned.time_s {
+                thinned.time_s = row.time_s;
+            }
+            if row.time_s > thinned.time_s {
+                thinned.end_frame(&mut self.lives, &mut self.poses)?;
+                thinned.skip_to(row.time_s, &mut self.lives, &mut self.poses)?;
+                thinned.time_s = row.time_s;
+            }
+            thinned.rows.push(row);
+            return Ok(());
+        }
+        let states = [self.poses.state(row.a, row.time_s)?, self.poses.state(row.b, row.time_s)?];
+        self.lives.feed(&row, states)
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        self.over = true;
+        if let Some(thinned) = &mut self.thinned {
+            thinned.end_frame(&mut self.lives, &mut self.poses)?;
+            thinned.skip_to(f64::INFINITY, &mut self.lives, &mut self.poses)?;
+        }
+        self.lives.finish();
+        Ok(())
+    }
+}
+
+impl Thinned {
+    /// Tells what happened up to a frame, all of whose rows are there.
+    fn end_frame(&mut self, lives: &mut Lives, poses: &mut Poses) -> Result<()> {
+        lives.advance(self.time_s)?;
+        for impulse in self.momentum.frame(self.time_s, &self.rows, poses)? {
+            let [a, b] = [impulse.row.a, impulse.row.b];
+            let states = [poses.fresh_state(a, impulse.point_s)?, poses.fresh_state(b, impulse.point_s)?];
+            lives.feed_impact(&impulse.row, states, impulse.at_s)?;
+        }
+        for row in self.rows.drain(..) {
+            let states = [poses.state(row.a, row.time_s)?, poses.state(row.b, row.time_s)?];
+            if self.momentum.knows(&row) {
+                lives.feed_rub(&self.momentum.weighted(&row), states)?;
+            } else {
+                lives.feed(&row, states)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Goes on through frames in which nothing touches.
+    fn skip_to(&mut self, time_s: f64, lives: &mut Lives, poses: &mut Poses) -> Result<()> {
+        while time_s - self.time_s > 1.5 * self.spacing_s {
+            // Where nothing moves there is nothing to tell.
+            let Some(sample_s) = poses.next_sample_s(self.time_s) else { break };
+            let next_s = (self.time_s + self.spacing_s).max(sample_s);
+            // Times beyond the reach of numbers would never go on.
+            if next_s >= time_s || next_s <= self.time_s {
+                break;
+            }
+            self.time_s = next_s;
+            self.end_frame(lives, poses)?;
+        }
+        Ok(())
+    }
+}
+
+/// Whether a log is thinned, and what it tells as a whole.
+fn thinned(contacts: &Contacts, step: Step, poses: &mut Poses) -> Result<Option<Thinned>> {
+    if poses.bodies.is_empty() || contacts.columns.normal.is_none() {
+        return Ok(None);
+    }
+    let (spacing_s, longest_s) = match step {
+        // A log of a single step has no spacing.
+        Step::Fixed(step_s) => (find_step(contacts).unwrap_or(step_s), 1.5 * step_s),
+        Step::Stamped(step_s) => (step_s, THINNED_S),
+    };
+    if spacing_s <= longest_s {
+        return Ok(None);
+    }
+    let survey = Survey::of(contacts, poses, spacing_s)?;
+    if !survey.knows_a_mass() {
+        return Ok(None);
+    }
+    let momentum = Momentum::new(survey, contacts, spacing_s);
+    let time_s = poses.next_sample_s(f64::MIN).unwrap_or(f64::MAX);
+    Ok(Some(Thinned { momentum, spacing_s, time_s, rows: Vec::new() }))
 }
 
 impl Iterator for LogEvents {
@@ -116,23 +252,15 @@ impl Iterator for LogEvents {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            if let Some(event) = self.settled() {
-                return Some(Ok(event));
+            if let Some(found) = self.lives.pop() {
+                return Some(self.event(found));
             }
             if self.over {
                 return None;
             }
             let fed = match self.log.next() {
-                Some(row) => row.and_then(|row| {
-                    self.slides.feed(&row);
-                    self.impacts.feed(&row)
-                }),
-                None => {
-                    self.over = true;
-                    self.slides.finish();
-                    self.impacts.finish();
-                    Ok(())
-                }
+                Some(row) => row.and_then(|row| self.feed(row)),
+                None => self.finish(),
             };
             if let Err(fault) = fed {
                 self.over = true;

@@ -256,7 +256,7 @@ mod tests {
             speed_mps: normal.map(|n| n[0].abs()),
             on_m: normal.map(|n| [n, n.map(|c| c / 3.0)]),
             tangential_mps: normal.map(|n| n[1]),
-            cause: if name.len() % 2 == 0 {
+            cause: if name.len().is_multiple_of(2) {
                 Cause::Log(LogRows { log: "contacts.csv.gz".to_owned(), first_line: 2, last_line: u64::MAX })
             } else {
                 Cause::Motion(Moved { from_s: time_s, to_s: impulse_ns })

@@ -33,6 +33,7 @@
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashMap};
 
+use super::body::BodyState;
 use crate::scene::contact_log::{ContactRow, Push};
 use crate::{Error, Result};
 
@@ -99,7 +100,8 @@ impl Settings {
 /// A blow between two bodies that are known by number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Blow {
-    /// When, in seconds: the middle of its steps, each weighted by its impulse.
+    /// When, in seconds: the middle of its steps, or when in them it acts where that is known, each weighted by its
+    /// impulse.
     pub time_s: f64,
     /// The bodies, the smaller number first.
     pub bodies: [u32; 2],
@@ -109,8 +111,12 @@ pub struct Blow {
     pub impulse_ns: f64,
     /// The mean normal, of length 1, for the bodies in this order.
     pub normal: Option<[f64; 3]>,
+    /// The same place on each of them, in its own frame, where the motion of one at least is known.
+    pub on_m: Option<[[f64; 3]; 2]>,
     /// The greatest relative speed along the normal in metres a second.
     pub speed_mps: Option<f64>,
+    /// The greatest speed at which they slide along each other, in metres a second; where the log has it.
+    pub sliding_mps: Option<f64>,
     /// The lines of the log that tell of it, first and last.
     pub lines: [u64; 2],
 }
@@ -151,6 +157,9 @@ struct Touch {
     push: Push<f64>,
     normal: Option<[f64; 3]>,
     speed_mps: Option<f64>,
+    sliding_mps: Option<f64>,
+    on_m: Option<[[f64; 3]; 2]>,
+    at_s: Option<f64>,
     line: u64,
 }
 
@@ -159,12 +168,17 @@ struct Touch {
 struct Sum {
     /// Σ J in newton seconds.
     impulse_ns: f64,
+    /// Σ J·t, each within its step.
+    timed: f64,
     /// Σ J·p.
     moment: [f64; 3],
     /// Σ J·n.
     normal: Option<[f64; 3]>,
-    /// The greatest |v|.
+    /// The greatest |v| along the normal and across it.
     speed_mps: Option<f64>,
+    sliding_mps: Option<f64>,
+    /// Σ J·p in the frame of either body.
+    on: Option<[[f64; 3]; 2]>,
     /// The first and last line.
     lines: Option<[u64; 2]>,
 }
@@ -184,9 +198,12 @@ fn both<T>(a: Option<T>, b: Option<T>, join: impl FnOnce(T, T) -> T) -> Option<T
 impl Sum {
     fn add(&mut self, other: &Sum) {
         self.impulse_ns += other.impulse_ns;
+        self.timed += other.timed;
         self.moment = plus(self.moment, other.moment);
         self.normal = both(self.normal, other.normal, plus);
         self.speed_mps = both(self.speed_mps, other.speed_mps, f64::max);
+        self.sliding_mps = both(self.sliding_mps, other.sliding_mps, f64::max);
+        self.on = both(self.on, other.on, |a, b| [plus(a[0], b[0]), plus(a[1], b[1])]);
         self.lines = both(self.lines, other.lines, |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
     }
 }
@@ -259,7 +276,7 @@ impl Pair {
 /// analyser.feed(&ContactRow {
 ///     time_s: 0.5, a: 0, b: 1, position_m: [0.0; 3], push: Push::Force(300.0),
 ///     normal: None, normal_velocity_mps: None, sliding_mps: None, line: 2,
-/// })?;
+/// }, [None; 2])?;
 /// analyser.finish();
 /// let blow = analyser.next_blow().unwrap();
 /// assert!((blow.impulse_ns - 0.3).abs() < 1e-12);
@@ -297,21 +314,44 @@ impl Analyser {
         }
     }
 
-    /// Takes the next row. Pushes of 0 and below are no contact.
+    /// Takes the next row, and where its two bodies are, as far as that is known: who is not known stands still in the
+    /// world, if the other one is. Pushes of 0 and below are no contact.
     ///
     /// # Errors
     /// A row that is earlier than the one before it.
-    pub fn feed(&mut self, row: &ContactRow) -> Result<()> {
+    pub fn feed(&mut self, row: &ContactRow, states: [Option<BodyState>; 2]) -> Result<()> {
+        self.feed_at(row, states, None)
+    }
+
+    /// Takes the next row as [`Analyser::feed`] does, of which is known when in its step it acts; its middle where
+    /// that is not known.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn feed_at(
+        &mut self,
+        row: &ContactRow,
+        states: [Option<BodyState>; 2],
+        at_s: Option<f64>,
+    ) -> Result<()> {
         self.advance(row.time_s)?;
         let (Push::Force(push) | Push::Impulse(push)) = row.push;
         if push > 0.0 {
-            let (bodies, sign) = if row.a <= row.b { ([row.a, row.b], 1.0) } else { ([row.b, row.a], -1.0) };
+            let swapped = row.a > row.b;
+            let (bodies, sign) = if swapped { ([row.b, row.a], -1.0) } else { ([row.a, row.b], 1.0) };
+            let on_m = (states != [None; 2]).then(|| {
+                let [a, b] = states.map(|state| state.unwrap_or(BodyState::STILL).local_m(row.position_m));
+                if swapped { [b, a] } else { [a, b] }
+            });
             self.touches.push(Touch {
                 bodies,
                 position_m: row.position_m,
                 push: row.push,
                 normal: row.normal.map(|n| n.map(|c| c * sign)),
                 speed_mps: row.normal_velocity_mps.map(f64::abs),
+                sliding_mps: row.sliding_mps,
+                on_m,
+                at_s,
                 line: row.line,
             });
         }
@@ -420,9 +460,13 @@ impl Analyser {
                 };
                 sum.add(&Sum {
                     impulse_ns,
+                    timed: impulse_ns
+                        * point.at_s.map_or((start_s + now_s) / 2.0, |at_s| at_s.clamp(start_s, now_s)),
                     moment: point.position_m.map(|c| c * impulse_ns),
                     normal: point.normal.map(|n| n.map(|c| c * impulse_ns)),
                     speed_mps: point.speed_mps,
+                    sliding_mps: point.sliding_mps,
+                    on: point.on_m.map(|on| on.map(|p| p.map(|c| c * impulse_ns))),
                     lines: Some([point.line; 2]),
                 });
             }
@@ -517,7 +561,7 @@ impl Analyser {
         if window.onset {
             (pair.rest_n, pair.rest_age_s) = (least_n, window.touching_s);
         }
-        let Sum { moment, normal, speed_mps, lines, impulse_ns: all_ns } = window.sum;
+        let Sum { moment, normal, speed_mps, sliding_mps, on, lines, impulse_ns: all_ns, .. } = window.sum;
         let middle_s =
             (window.time_moment - rest_n * window.touching_moment) / (all_ns - rest_n * window.touching_s);
         let end_s = window.start_s.max(pair.last_end_s);
@@ -528,7 +572,9 @@ impl Analyser {
             position_m: moment.map(|c| c / all_ns),
             impulse_ns,
             normal: normal.zip(length).filter(|(_, l)| *l > 0.0).map(|(n, l)| n.map(|c| c / l)),
+            on_m: on.map(|on| on.map(|p| p.map(|c| c / all_ns))),
             speed_mps,
+            sliding_mps,
             lines: lines.unwrap_or_default(),
         }));
     }
@@ -552,7 +598,7 @@ impl Window {
         self.last_n = force_n;
         self.steps += 1;
         self.sum.add(&contact.sum);
-        self.time_moment += contact.sum.impulse_ns * middle_s;
+        self.time_moment += contact.sum.timed;
         self.touching_s += contact.step_s;
         self.touching_moment += contact.step_s * middle_s;
         self.span_s += contact.step_s + apart_s;

@@ -1,8 +1,11 @@
 //! What happens: frames in, events out.
 
+pub mod body;
 pub mod contacts;
 pub mod event;
 pub mod impact;
+pub mod lives;
+mod momentum;
 pub mod moving;
 pub mod rigid;
 pub mod rub;

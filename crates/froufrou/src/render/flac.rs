@@ -211,26 +211,59 @@ impl FlacWriter {
             head.extend_from_slice(&(content.len() as u32).to_be_bytes()[1..]);
             head.extend_from_slice(content);
         };
-        let mut info = Vec::with_capacity(34);
-        info.extend_from_slice(&(BLOCK_FRAMES as u16).to_be_bytes());
-        info.extend_from_slice(&(BLOCK_FRAMES as u16).to_be_bytes());
         let least = if self.most_bytes == 0 { 0 } else { self.least_bytes };
-        info.extend_from_slice(&(least as u32).to_be_bytes()[1..]);
-        info.extend_from_slice(&(self.most_bytes as u32).to_be_bytes()[1..]);
-        // Lengths beyond 36 bits are not told.
-        let frames = if frames <= MAX_FRAMES { frames } else { 0 };
-        let packed = u64::from(self.format.rate_hz) << 44
-            | (self.format.channels as u64 - 1) << 41
-            | (u64::from(self.format.samples.bits()) - 1) << 36
-            | frames;
-        info.extend_from_slice(&packed.to_be_bytes());
-        info.extend_from_slice(&self.digest.clone().finalize());
+        let info = stream_info(&self.format, frames, [least, self.most_bytes], &self.digest);
         block(&mut head, 0, &info);
         block(&mut head, 4, &comment(&self.format, &self.labels));
         let padding = self.head_bytes.saturating_sub(head.len() + 4);
         block(&mut head, 0x81, &vec![0; padding]);
         head
     }
+}
+
+/// What the beginning of a file tells of its sound, but for its tags.
+fn stream_info(format: &SoundFormat, frames: u64, [least, most]: [usize; 2], digest: &Md5) -> Vec<u8> {
+    let mut info = Vec::with_capacity(34);
+    info.extend_from_slice(&(BLOCK_FRAMES as u16).to_be_bytes());
+    info.extend_from_slice(&(BLOCK_FRAMES as u16).to_be_bytes());
+    info.extend_from_slice(&(least as u32).to_be_bytes()[1..]);
+    info.extend_from_slice(&(most as u32).to_be_bytes()[1..]);
+    // Lengths beyond 36 bits are not told.
+    let frames = if frames <= MAX_FRAMES { frames } else { 0 };
+    let packed = u64::from(format.rate_hz) << 44
+        | (format.channels as u64 - 1) << 41
+        | (u64::from(format.samples.bits()) - 1) << 36
+        | frames;
+    info.extend_from_slice(&packed.to_be_bytes());
+    info.extend_from_slice(&digest.clone().finalize());
+    info
+}
+
+/// A whole file in memory of one channel of 16-bit samples, without tags and without room for any.
+///
+/// # Errors
+/// Where the rate is 0 or above 1048575 Hz.
+pub(crate) fn encode_mono(samples: &[i16], rate_hz: u32) -> Result<Vec<u8>> {
+    if !(1..=MAX_RATE_HZ).contains(&rate_hz) {
+        return Err(Error::new(format!("a FLAC file cannot have a rate of {rate_hz} Hz"))
+            .help("take one up to 192000 Hz"));
+    }
+    let format = SoundFormat { rate_hz, channels: 1, samples: SampleFormat::Int16, seed: 0, first_frame: 0 };
+    let mut digest = Md5::new();
+    samples.iter().for_each(|sample| digest.update(sample.to_le_bytes()));
+    let frames: Vec<Vec<u8>> = samples
+        .par_chunks(BLOCK_FRAMES)
+        .enumerate()
+        .map(|(index, block)| {
+            let block: Vec<i32> = block.iter().copied().map(i32::from).collect();
+            frame::encode(&block, 1, 16, rate_hz, index as u64)
+        })
+        .collect();
+    let sizes = || frames.iter().map(Vec::len);
+    let bounds = [sizes().min().unwrap_or(0), sizes().max().unwrap_or(0)];
+    let info = stream_info(&format, samples.len() as u64, bounds, &digest);
+    let head = [b"fLaC", &[0x80, 0, 0, info.len() as u8][..], &info].concat();
+    Ok([head, frames.concat()].concat())
 }
 
 /// The tags, as Vorbis comments.
@@ -346,6 +379,18 @@ mod tests {
         assert!(bits(5) < 6.0, "{}", bits(5));
         // A third of the noise is clipped, the rest has 23.4 bits.
         assert!(bits(3) < 24.5, "{}", bits(3));
+    }
+
+    #[test]
+    fn a_file_in_memory_holds_its_samples() {
+        for (name, sound) in sounds(9001) {
+            let samples: Vec<i16> = sound.iter().map(|v| (v * 32_767.0) as i16).collect();
+            let bytes = encode_mono(&samples, 44_100).unwrap();
+            let read = Recording::decode(&bytes, "x.flac").unwrap();
+            let wanted: Vec<f32> = samples.iter().map(|v| f32::from(*v) / 32_768.0).collect();
+            assert!(read.rate_hz == 44_100 && read.channels == [wanted], "{name}");
+        }
+        assert!(encode_mono(&[0], 0).is_err());
     }
 
     #[test]

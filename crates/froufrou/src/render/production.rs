@@ -55,7 +55,7 @@ impl Production {
         Ok(Self { scene, world, header, prototypes, end_s })
     }
 
-    /// What happens in it by itself: the impacts of its contact logs.
+    /// What happens in it by itself: the contacts of its logs.
     ///
     /// # Errors
     /// A log that cannot be read.
@@ -123,6 +123,7 @@ fn end_s(scene: &Scene, world: &World) -> Result<f64> {
 /// What a composer has to know of each sound.
 fn facts(soundings: &Soundings) -> impl Iterator<Item = (String, SoundFacts)> + '_ {
     soundings.iter().map(|(name, sounding)| {
+        let mut grains = None;
         let (period_s, ring_s, controls) = match sounding {
             Sounding::Recording(prototype) => {
                 let period_s = prototype.samples.len() as f64 / prototype.rate_hz;
@@ -130,10 +131,11 @@ fn facts(soundings: &Soundings) -> impl Iterator<Item = (String, SoundFacts)> + 
             }
             Sounding::Instrument(instrument) => {
                 let controls = instrument.controls().iter().map(|control| control.name.clone());
+                grains = instrument.corpus();
                 (None, instrument.ring_s(), controls.collect())
             }
         };
-        (name.clone(), SoundFacts { length_s: sounding.duration_s(), period_s, ring_s, controls })
+        (name.clone(), SoundFacts { length_s: sounding.duration_s(), period_s, ring_s, controls, grains })
     })
 }
 

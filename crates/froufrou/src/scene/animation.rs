@@ -181,6 +181,15 @@ impl Default for Stated {
     }
 }
 
+/// How fast an object moves, as far as its file states that, in metres and radians a second.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct StatedVelocity {
+    /// The velocity of its origin.
+    pub linear_mps: Option<[f64; 3]>,
+    /// Its angular velocity, in the world's axes.
+    pub angular_rps: Option<[f64; 3]>,
+}
+
 /// An opened animation file of any format.
 ///
 /// Times are the file's own clock in seconds. Before the first and after the last sample the world
@@ -220,6 +229,19 @@ pub trait Animation: Send + Sync {
         let mut mesh = Mesh::default();
         self.mesh(object, info.key_times.get(0).unwrap_or_default(), &mut mesh)?;
         Ok(Some(MeshSize { vertices: mesh.positions.len(), faces: mesh.face_sizes.len() }))
+    }
+
+    /// How fast an object moves at a time, as the file states it besides its samples; most state nothing.
+    ///
+    /// # Errors
+    /// An object that is not there, or a sample that cannot be read.
+    fn velocity(&self, _object: usize, _time_s: f64) -> Result<StatedVelocity> {
+        Ok(StatedVelocity::default())
+    }
+
+    /// True for the log of a simulation, whose times are those of the soundtrack as they stand.
+    fn is_log(&self) -> bool {
+        false
     }
 
     /// What the file states of its axes and unit, which a reader that knows it has applied already;

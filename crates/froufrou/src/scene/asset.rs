@@ -101,17 +101,26 @@ impl Folder {
 
     /// One file by its name.
     pub(crate) fn file(&self, name: &str) -> Result<Asset> {
+        let asset = self.entry(name, "file")?;
+        if asset.path.is_file() { Ok(asset) } else { Err(Error::new(format!("{name:?} is not a file"))) }
+    }
+
+    /// One folder in it by its name.
+    pub(crate) fn folder(&self, name: &str) -> Result<Asset> {
+        let asset = self.entry(name, "folder")?;
+        if asset.path.is_dir() { Ok(asset) } else { Err(Error::new(format!("{name:?} is not a folder"))) }
+    }
+
+    /// A file or folder by its name; `kind` is what is expected.
+    fn entry(&self, name: &str, kind: &str) -> Result<Asset> {
         self.check_name(name)?;
         let path = self.path.join(name);
         let canonical = fs::canonicalize(&path).map_err(|fault| match fault.kind() {
-            std::io::ErrorKind::NotFound => Error::new(format!("there is no file {name:?}")).because(fault),
+            std::io::ErrorKind::NotFound => Error::new(format!("there is no {kind} {name:?}")).because(fault),
             _ => Error::new(format!("cannot open {name:?}: {fault}")).because(fault),
         })?;
         if !self.allow_outside && !canonical.starts_with(&self.canonical) {
             return Err(outside(&format!("{name:?} is a link that leads out of the scene's folder")));
-        }
-        if !canonical.is_file() {
-            return Err(Error::new(format!("{name:?} is not a file")));
         }
         Ok(Asset { name: name.to_owned(), path })
     }

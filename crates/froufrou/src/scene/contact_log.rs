@@ -3,27 +3,14 @@
 //!
 //! A log is read as a stream: memory goes with the number of bodies, not with the length.
 
-use std::collections::HashMap;
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::io::Read;
+use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-
-use flate2::read::MultiGzDecoder;
 
 pub use super::conventions::UpAxis;
-use super::toml::{alternatives, nearest};
-use crate::{Error, Place, Result};
-
-/// The most bytes that one record may take, quotes and all.
-pub const LONGEST_RECORD_BYTES: u64 = 1 << 20;
-/// The most bodies that a log may name.
-pub const MOST_BODIES: usize = 1_000_000;
-/// The largest number that is taken as one: products of a few of them are finite.
-pub const LARGEST_NUMBER: f64 = 1e30;
-/// The longest name of a body in bytes.
-pub const LONGEST_NAME_BYTES: usize = 1024;
+use super::log_table::{BodyNames, LogTable, at_line, upright};
+pub use super::log_table::{LARGEST_NUMBER, LONGEST_NAME_BYTES, LONGEST_RECORD_BYTES, MOST_BODIES};
+use crate::{Error, Result};
 
 /// How hard two bodies press on each other, in newtons or in newton seconds: both engines that log
 /// one and engines that log the other are read. As part of [`ContactColumns`] it holds the column.
@@ -105,24 +92,20 @@ pub struct ContactRow {
 /// # Ok::<(), froufrou::Error>(())
 /// ```
 pub struct ContactLog {
-    file: PathBuf,
-    reader: csv::Reader<Watched<Box<dyn Read + Send>>>,
-    unread: Arc<AtomicU64>,
-    record: csv::ByteRecord,
-    header: Vec<String>,
+    table: LogTable,
     columns: Indices,
     up: UpAxis,
     unit_m: f64,
     time_offset_s: f64,
     last_time_s: f64,
-    bodies: Vec<Arc<str>>,
-    indices: HashMap<Arc<str>, u32>,
+    bodies: BodyNames,
     over: bool,
 }
 
 impl std::fmt::Debug for ContactLog {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("ContactLog").field("file", &self.file).field("header", &self.header).finish()
+        let (file, header) = (self.table.file(), self.table.header());
+        f.debug_struct("ContactLog").field("file", &file).field("header", &header).finish()
     }
 }
 
@@ -138,33 +121,13 @@ struct Indices {
     sliding_velocity: Vec<usize>,
 }
 
-/// Stops a record that never ends, such as after a quote that is never closed.
-struct Watched<R> {
-    inner: R,
-    unread: Arc<AtomicU64>,
-}
-
-impl<R: Read> Read for Watched<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        if self.unread.load(Ordering::Relaxed) > LONGEST_RECORD_BYTES {
-            let what = format!("a record longer than {LONGEST_RECORD_BYTES} bytes; is a quote left open?");
-            return Err(std::io::Error::other(what));
-        }
-        let count = self.inner.read(buffer)?;
-        self.unread.fetch_add(count as u64, Ordering::Relaxed);
-        Ok(count)
-    }
-}
-
 impl ContactLog {
     /// Opens a log; gzip is told by its first bytes, not by its name.
     ///
     /// # Errors
     /// A file that cannot be read, or a header without the columns.
     pub fn open(path: impl AsRef<Path>, columns: &ContactColumns) -> Result<Self> {
-        let path = path.as_ref();
-        let file = File::open(path).map_err(|fault| Error::io("open", path, fault))?;
-        Self::new(file, path, columns)
+        Self::of(LogTable::open(path.as_ref())?, columns)
     }
 
     /// Reads a log from anywhere; `file` is its name in messages.
@@ -176,62 +139,40 @@ impl ContactLog {
         file: impl AsRef<Path>,
         columns: &ContactColumns,
     ) -> Result<Self> {
-        let file = file.as_ref().to_owned();
-        let mut reader = BufReader::with_capacity(1 << 16, reader);
-        let start = reader.fill_buf().map_err(|fault| Error::io("read", &file, fault))?;
-        let inner: Box<dyn Read + Send> = if start.starts_with(&[0x1f, 0x8b]) {
-            Box::new(MultiGzDecoder::new(reader))
-        } else {
-            Box::new(reader)
-        };
-        let unread = Arc::new(AtomicU64::new(0));
-        let watched = Watched { inner, unread: unread.clone() };
-        let mut reader =
-            csv::ReaderBuilder::new().trim(csv::Trim::All).buffer_capacity(1 << 16).from_reader(watched);
-        let header: Vec<String> = match reader.byte_headers() {
-            Ok(header) => header.iter().map(|name| String::from_utf8_lossy(name).into_owned()).collect(),
-            Err(fault) => return Err(read_fault(fault).in_file(file)),
-        };
-        let columns_found = Indices::find(columns, &header)
-            .map_err(|fault| fault.in_file(file.clone()).at(Place::Line { line: 1, column: 0 }))?;
+        Self::of(LogTable::new(reader, file.as_ref())?, columns)
+    }
+
+    fn of(table: LogTable, columns: &ContactColumns) -> Result<Self> {
         Ok(Self {
-            file,
-            reader,
-            unread,
-            record: csv::ByteRecord::new(),
-            header,
-            columns: columns_found,
+            columns: Indices::find(columns, &table)?,
+            table,
             up: columns.up,
             unit_m: columns.unit_m,
             time_offset_s: columns.time_offset_s,
             last_time_s: f64::NEG_INFINITY,
-            bodies: Vec::new(),
-            indices: HashMap::new(),
+            bodies: BodyNames::default(),
             over: false,
         })
     }
 
     /// The names of the bodies met so far.
     pub fn bodies(&self) -> &[Arc<str>] {
-        &self.bodies
+        self.bodies.names()
     }
 
     /// The file's name.
     pub fn file(&self) -> &Path {
-        &self.file
+        self.table.file()
     }
 
     fn read_row(&mut self) -> Result<Option<ContactRow>> {
-        self.unread.store(0, Ordering::Relaxed);
-        if !self.reader.read_byte_record(&mut self.record).map_err(read_fault)? {
-            return Ok(None);
-        }
-        let line = self.record.position().map_or(0, csv::Position::line);
+        let Some(line) = self.table.advance()? else { return Ok(None) };
         self.convert(line).map(Some).map_err(|fault| fault.at(at_line(line)))
     }
 
     fn convert(&mut self, line: u64) -> Result<ContactRow> {
-        let time_s = self.number(self.columns.time)? + self.time_offset_s;
+        let table = &self.table;
+        let time_s = table.number(self.columns.time)? + self.time_offset_s;
         if time_s < self.last_time_s {
             return Err(Error::new(format!(
                 "time goes backwards: {} follows {}",
@@ -241,79 +182,30 @@ impl ContactLog {
             .help("sort the log by time"));
         }
         self.last_time_s = time_s;
-        let position = self.numbers(self.columns.position)?;
+        let position = table.numbers(self.columns.position)?;
         let push = match self.columns.push {
-            Push::Force(column) => Push::Force(self.number(column)?),
-            Push::Impulse(column) => Push::Impulse(self.number(column)?),
+            Push::Force(column) => Push::Force(table.number(column)?),
+            Push::Impulse(column) => Push::Impulse(table.number(column)?),
         };
-        let normal = self.columns.normal.map(|columns| self.numbers(columns)).transpose()?;
-        let velocity = self.columns.normal_velocity.map(|column| self.number(column)).transpose()?;
+        let normal = self.columns.normal.map(|columns| table.numbers(columns)).transpose()?;
+        let velocity = self.columns.normal_velocity.map(|column| table.number(column)).transpose()?;
         let mut square = None;
-        for index in 0..self.columns.sliding_velocity.len() {
-            let part = self.number(self.columns.sliding_velocity[index])?;
+        for &column in &self.columns.sliding_velocity {
+            let part = table.number(column)?;
             square = Some(square.unwrap_or(0.0) + part * part);
         }
         let [a, b] = self.columns.bodies;
         Ok(ContactRow {
             time_s,
-            a: self.body(a)?,
-            b: self.body(b)?,
-            position_m: self.upright(position).map(|c| c * self.unit_m),
+            a: table.body(a, &mut self.bodies)?,
+            b: table.body(b, &mut self.bodies)?,
+            position_m: upright(self.up, position).map(|c| c * self.unit_m),
             push,
-            normal: normal.map(|n| self.upright(n)),
+            normal: normal.map(|n| upright(self.up, n)),
             normal_velocity_mps: velocity.map(|v| v * self.unit_m),
             sliding_mps: square.map(|square| square.sqrt() * self.unit_m),
             line,
         })
-    }
-
-    fn upright(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
-        match self.up {
-            UpAxis::Y => [x, y, z],
-            UpAxis::Z => [x, z, -y],
-        }
-    }
-
-    fn numbers(&self, columns: [usize; 3]) -> Result<[f64; 3]> {
-        Ok([self.number(columns[0])?, self.number(columns[1])?, self.number(columns[2])?])
-    }
-
-    fn number(&self, column: usize) -> Result<f64> {
-        let field = self.record.get(column).unwrap_or_default();
-        let number = std::str::from_utf8(field).ok().and_then(|text| text.parse::<f64>().ok());
-        number.filter(|n| n.abs() <= LARGEST_NUMBER).ok_or_else(|| {
-            let found: String = String::from_utf8_lossy(field).chars().take(60).collect();
-            let name = self.header.get(column).map_or("", String::as_str);
-            Error::new(format!(
-                "column `{name}`: expected a number within ±{LARGEST_NUMBER:e}, found {found:?}"
-            ))
-        })
-    }
-
-    /// The number of a body, a new one for a new name.
-    fn body(&mut self, column: usize) -> Result<u32> {
-        let fail = |what: String| {
-            let name = self.header.get(column).map_or("", String::as_str);
-            Error::new(format!("column `{name}`: {what}"))
-        };
-        let field = self.record.get(column).unwrap_or_default();
-        let name = std::str::from_utf8(field)
-            .map_err(|_| fail("expected the name of a body, found bytes that are not UTF-8".to_owned()))?;
-        if let Some(&index) = self.indices.get(name) {
-            return Ok(index);
-        }
-        if name.is_empty() || name.len() > LONGEST_NAME_BYTES {
-            let what = format!("expected the name of a body of 1 to {LONGEST_NAME_BYTES} bytes");
-            return Err(fail(format!("{what}, found {} bytes", name.len())));
-        }
-        if self.bodies.len() >= MOST_BODIES {
-            return Err(fail(format!("more than {MOST_BODIES} different bodies; is this the right column?")));
-        }
-        let index = self.bodies.len() as u32;
-        let name: Arc<str> = name.into();
-        self.bodies.push(name.clone());
-        self.indices.insert(name, index);
-        Ok(index)
     }
 }
 
@@ -324,68 +216,30 @@ impl Iterator for ContactLog {
         if self.over {
             return None;
         }
-        let row = self.read_row().map_err(|fault| fault.in_file(self.file.clone())).transpose();
+        let row = self.read_row().map_err(|fault| fault.in_file(self.table.file())).transpose();
         self.over = !matches!(row, Some(Ok(_)));
         row
     }
 }
 
-fn at_line(line: u64) -> Place {
-    Place::Line { line: usize::try_from(line).unwrap_or(usize::MAX), column: 0 }
-}
-
-fn read_fault(fault: csv::Error) -> Error {
-    let line = fault.position().map(csv::Position::line);
-    let error = match fault.kind() {
-        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
-            Error::new(format!("expected {expected_len} fields, as in the header, found {len}"))
-        }
-        csv::ErrorKind::Io(fault) => Error::new(format!("cannot read the log: {fault}")),
-        _ => Error::new(format!("cannot read the log: {fault}")),
-    };
-    let error = error.because(fault);
-    match line {
-        Some(line) => error.at(at_line(line)),
-        None => error,
-    }
-}
-
 impl Indices {
-    fn find(columns: &ContactColumns, header: &[String]) -> Result<Self> {
-        let one = |name: &String| find_column(name, header);
-        let three = |names: &[String; 3]| Ok::<_, Error>([one(&names[0])?, one(&names[1])?, one(&names[2])?]);
+    fn find(columns: &ContactColumns, table: &LogTable) -> Result<Self> {
         Ok(Self {
-            time: one(&columns.time)?,
-            bodies: [one(&columns.a)?, one(&columns.b)?],
-            position: three(&columns.position)?,
+            time: table.column(&columns.time)?,
+            bodies: [table.column(&columns.a)?, table.column(&columns.b)?],
+            position: table.columns(&columns.position)?,
             push: match &columns.push {
-                Push::Force(name) => Push::Force(one(name)?),
-                Push::Impulse(name) => Push::Impulse(one(name)?),
+                Push::Force(name) => Push::Force(table.column(name)?),
+                Push::Impulse(name) => Push::Impulse(table.column(name)?),
             },
-            normal: columns.normal.as_ref().map(three).transpose()?,
-            normal_velocity: columns.normal_velocity.as_ref().map(one).transpose()?,
-            sliding_velocity: columns.sliding_velocity.iter().map(one).collect::<Result<_>>()?,
+            normal: columns.normal.as_ref().map(|names| table.columns(names)).transpose()?,
+            normal_velocity: columns.normal_velocity.as_ref().map(|name| table.column(name)).transpose()?,
+            sliding_velocity: columns
+                .sliding_velocity
+                .iter()
+                .map(|name| table.column(name))
+                .collect::<Result<_>>()?,
         })
-    }
-}
-
-fn find_column(name: &str, header: &[String]) -> Result<usize> {
-    let mut found = header.iter().enumerate().filter(|(_, other)| *other == name).map(|(i, _)| i);
-    match (found.next(), found.next()) {
-        (Some(index), None) => Ok(index),
-        (Some(_), Some(_)) => Err(Error::new(format!("there are two columns `{name}`"))),
-        _ => {
-            let shown = header.iter().take(50).map(String::as_str);
-            let there = match header.len() {
-                0 => "the log is empty".to_owned(),
-                _ => format!("there are {}", alternatives(shown).replace(" or ", " and ")),
-            };
-            let help = match nearest(name, header.iter().map(String::as_str)) {
-                Some(near) => format!("did you mean `{near}`? {there}"),
-                None => there,
-            };
-            Err(Error::new(format!("there is no column `{name}`")).help(help))
-        }
     }
 }
 

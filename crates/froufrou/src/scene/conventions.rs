@@ -3,6 +3,7 @@
 
 use std::path::PathBuf;
 
+use super::pose_log::PoseColumns;
 use crate::{Error, Result};
 
 /// The frame rate that is taken where neither the file nor the scene says one, in hertz: that of
@@ -42,6 +43,8 @@ pub struct Conventions {
     /// The clip that is played, by its name, of files that hold several; the first where nothing is
     /// set.
     pub clip: Option<String>,
+    /// Which columns of a pose log hold what; found by their usual names where nothing is set.
+    pub columns: Option<PoseColumns>,
 }
 
 impl Conventions {

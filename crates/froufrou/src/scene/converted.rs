@@ -7,7 +7,7 @@
 
 use std::sync::Arc;
 
-use super::animation::{Animation, Mesh, MeshSize, ObjectInfo, Stated, Transform};
+use super::animation::{Animation, Mesh, MeshSize, ObjectInfo, Stated, StatedVelocity, Transform};
 use super::conventions::{Conventions, UpAxis};
 use crate::Result;
 
@@ -77,6 +77,19 @@ impl Animation for Converted {
 
     fn mesh_size(&self, object: usize) -> Result<Option<MeshSize>> {
         self.inner.mesh_size(object)
+    }
+
+    fn velocity(&self, object: usize, time_s: f64) -> Result<StatedVelocity> {
+        let StatedVelocity { linear_mps, angular_rps } = self.inner.velocity(object, time_s)?;
+        let turned = |v: [f64; 3]| self.turn.apply(v, |c| -c);
+        Ok(StatedVelocity {
+            linear_mps: linear_mps.map(|v| turned(v).map(|c| c * self.scale)),
+            angular_rps: angular_rps.map(turned),
+        })
+    }
+
+    fn is_log(&self) -> bool {
+        self.inner.is_log()
     }
 
     fn stated(&self) -> Stated {

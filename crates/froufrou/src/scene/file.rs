@@ -144,6 +144,8 @@ pub struct Material {
     pub slide: Option<RubSound>,
     /// What it sounds like when it rolls along something, or something along it.
     pub roll: Option<RubSound>,
+    /// What it sounds like in every contact that has no sound of its own above.
+    pub grains: Option<GrainSound>,
     /// What it sounds like when it moves through the air.
     pub air: Option<AirSound>,
     /// What it does to the sound of others.
@@ -255,6 +257,38 @@ pub struct RubSound {
     pub reference_force_n: f64,
     /// The speed below which nothing sounds, in metres a second.
     pub floor_speed_mps: f64,
+    /// The distance at which it is heard at its own gain, in metres.
+    pub reference_distance_m: f64,
+}
+
+/// A material that sounds like the grains of a corpus.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GrainSound {
+    /// The folder of the corpus.
+    pub corpus: Asset,
+    /// A script that says what contacts sound like.
+    pub shader: Option<Asset>,
+    /// Gain in decibels of an impact of the reference impulse and of contacts of the reference power, which sound as loud
+    /// as the strongest recordings of the corpus.
+    pub gain_db: f64,
+    /// The impulse that plays at `gain_db`, in newton seconds; pressure is proportional to impulse.
+    pub reference_impulse_ns: f64,
+    /// The impulse below which nothing sounds, in newton seconds.
+    pub floor_impulse_ns: f64,
+    /// Dead time of a pair of bodies after an impact that sounded, in seconds.
+    pub retrigger_s: f64,
+    /// The product of force and speed that plays at `gain_db`, in watts; pressure is proportional to it.
+    pub reference_power_w: f64,
+    /// The speed below which what slides or rolls is silent, in metres a second.
+    pub floor_speed_mps: f64,
+    /// The speed at which tones have the pitch that was recorded, in metres a second.
+    pub reference_speed_mps: f64,
+    /// Pitch of tones is proportional to this power of the speed.
+    pub pitch: f64,
+    /// The force at which tones are spread by `spread`, in newtons; it is proportional to force.
+    pub reference_force_n: f64,
+    /// How far the pitch of tones strays at the reference force, as a part of it.
+    pub spread: f64,
     /// The distance at which it is heard at its own gain, in metres.
     pub reference_distance_m: f64,
 }
@@ -405,6 +439,8 @@ pub struct Contacts {
     pub columns: ContactColumns,
     /// Length of the simulation's step in seconds; `None`: found from the log's time stamps.
     pub step_s: Option<f64>,
+    /// Gravity in metres a second squared, by which momentum tells what a thinned log does not.
+    pub gravity_mps2: [f64; 3],
 }
 
 /// Objects whose contacts are found from how they move.

@@ -29,6 +29,8 @@ pub enum AnimationFormat {
     Obj,
     /// A pattern that the OBJ files of a sequence match, one file a frame.
     ObjSequence,
+    /// The poses of the bodies of a simulation, CSV, gzipped or not.
+    PoseLog,
 }
 
 impl AnimationFormat {
@@ -54,7 +56,7 @@ impl AnimationFormat {
             Error::new(if head.is_empty() { "the file is empty" } else { "no animation file that is known" })
                 .in_file(path)
                 .at(crate::Place::Byte(0))
-                .help("read are Alembic (.abc), USD (.usd, .usda, .usdc, .usdz), glTF (.gltf, .glb), point caches (.pc2, .mdd) and OBJ (.obj)")
+                .help("read are Alembic (.abc), USD (.usd, .usda, .usdc, .usdz), glTF (.gltf, .glb), point caches (.pc2, .mdd), OBJ (.obj) and pose logs (.csv, .csv.gz)")
         })
     }
 
@@ -81,6 +83,9 @@ impl AnimationFormat {
             Some(Self::Obj)
         } else if is_mdd(head, length) {
             Some(Self::Mdd)
+        } else if head.starts_with(&[0x1f, 0x8b]) {
+            // No other format is gzipped.
+            Some(Self::PoseLog)
         } else {
             // What bears the name is taken as such, so that its reader says what is wrong.
             let endings = [
@@ -94,6 +99,8 @@ impl AnimationFormat {
                 (".pc2", Self::Pc2),
                 (".mdd", Self::Mdd),
                 (".obj", Self::Obj),
+                (".csv", Self::PoseLog),
+                (".csv.gz", Self::PoseLog),
             ];
             endings.into_iter().find(|(ending, _)| name.ends_with(ending)).map(|(_, format)| format)
         }
@@ -109,6 +116,7 @@ impl AnimationFormat {
             Self::Mdd => "MDD point cache",
             Self::Obj => "OBJ file",
             Self::ObjSequence => "OBJ sequence",
+            Self::PoseLog => "pose log",
         }
     }
 
@@ -120,6 +128,11 @@ impl AnimationFormat {
     /// True for what may hold several clips, of which one is played.
     pub(crate) fn has_clips(self) -> bool {
         self == Self::Gltf
+    }
+
+    /// True for what is a table whose columns can be named.
+    pub(crate) fn has_columns(self) -> bool {
+        self == Self::PoseLog
     }
 
     /// True for what has vertices and no faces.
@@ -166,7 +179,7 @@ mod tests {
     #[test]
     fn content_goes_before_the_name() {
         let mdd = [0, 0, 0, 2, 0, 0, 0, 1, 9];
-        let cases: [(&[u8], &str, u64, Option<AnimationFormat>); 16] = [
+        let cases: [(&[u8], &str, u64, Option<AnimationFormat>); 19] = [
             (b"Ogawa\xff", "a.obj", 6, Some(AnimationFormat::Alembic)),
             (b"glTF\x02\0\0\0", "a.abc", 8, Some(AnimationFormat::Gltf)),
             (b"{\n \"asset\" : {", "a", 14, Some(AnimationFormat::Gltf)),
@@ -182,6 +195,9 @@ mod tests {
             (b"o = 1\n", "a", 6, None),
             (b"", "a.obj", 0, Some(AnimationFormat::Obj)),
             (b"", "a", 0, None),
+            (b"\x1f\x8b\x08", "a.abc", 3, Some(AnimationFormat::PoseLog)),
+            (b"t,body,x,y,z\n", "a.csv", 13, Some(AnimationFormat::PoseLog)),
+            (b"v 0 1 2", "a.csv", 7, Some(AnimationFormat::Obj)),
             (&[0; 8], "a", 8, None),
         ];
         for (head, name, length, format) in cases {

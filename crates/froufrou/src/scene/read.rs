@@ -14,6 +14,7 @@ use super::file::{
 };
 use super::listener::{CARDIOID, Layout, Listener, OMNI};
 use super::obj;
+use super::pose_log::PoseColumns;
 use super::toml::{Document, Node, Table, nearest};
 use super::track::{Interpolation, Track, TrackKey};
 
@@ -53,6 +54,7 @@ const LISTENER: Keys = &[
     "unit",
     "frame_rate",
     "clip",
+    "columns",
     "offset",
     "layout",
     "spacing",
@@ -72,6 +74,7 @@ const MICROPHONE: Keys = &[
     "unit",
     "frame_rate",
     "clip",
+    "columns",
     "offset",
 ];
 const SHAPE: Keys = &["c", "k"];
@@ -90,6 +93,7 @@ const OBJECT: Keys = &[
     "frame_rate",
     "faces",
     "clip",
+    "columns",
     "offset",
     "point",
     "material",
@@ -101,7 +105,8 @@ const OBJECT_KEY: Keys = &["t", "position"];
 const POINT: Keys = &["vertex"];
 const SWARM: Keys = &["count", "radius", "speed", "script"];
 const WIND: Keys = &["velocity", "gusts", "gust_period"];
-const CONTACTS: Keys = &["log", "bodies", "gravity", "columns", "step", "up", "unit", "time_offset"];
+const CONTACTS: Keys = &["log", "bodies", "columns", "step", "up", "unit", "time_offset", "gravity"];
+const POSE_COLUMNS: Keys = &["t", "body", "position", "rotation", "velocity", "angular_velocity"];
 const COLUMNS: Keys = &[
     "t",
     "a",
@@ -133,6 +138,7 @@ pub(crate) const ALL_KEYS: &[(&str, Keys)] = &[
     ("`[material.NAME]`", sounds::MATERIAL),
     ("`impact` of a material", sounds::IMPACT),
     ("`slide` and `roll` of a material", sounds::RUB),
+    ("`grains` of a material", sounds::GRAINS),
     ("`air` of a material", sounds::AIR),
     ("`reflect` of a material", sounds::REFLECT),
     ("`occlude` of a material", sounds::OCCLUDE),
@@ -149,6 +155,7 @@ pub(crate) const ALL_KEYS: &[(&str, Keys)] = &[
     ("Kinds of instruments", sounds::KINDS),
     ("`[[contacts]]`", CONTACTS),
     ("`columns` of a contact log", COLUMNS),
+    ("`columns` of a pose log", POSE_COLUMNS),
 ];
 
 /// The most output channels of a scene.
@@ -158,9 +165,9 @@ const MOST_IN_SWARM: u64 = 10_000;
 const RATE_HZ: (u64, u64) = (8_000, 192_000);
 const INTERPOLATIONS: &[(&str, Interpolation)] =
     &[("smooth", Interpolation::Smooth), ("linear", Interpolation::Linear), ("step", Interpolation::Step)];
-const AHEAD: [f64; 3] = [0.0, 0.0, -1.0];
-/// What pulls bodies whose contacts are found from how they move, where nothing is said.
+/// Gravity, where the author says nothing else.
 const GRAVITY_MPS2: [f64; 3] = [0.0, -9.81, 0.0];
+const AHEAD: [f64; 3] = [0.0, 0.0, -1.0];
 
 /// The longest scene file that is read, in bytes.
 const LONGEST_FILE_BYTES: u64 = 16 << 20;
@@ -530,7 +537,7 @@ fn needs(table: &Table<'_, '_>, key: &str, what: &str) -> Result<()> {
 
 /// Refuses keys that say how a file is read where there is no file.
 fn needs_file(table: &Table<'_, '_>) -> Result<()> {
-    ["up", "unit", "frame_rate", "faces", "clip"]
+    ["up", "unit", "frame_rate", "faces", "clip", "columns"]
         .iter()
         .try_for_each(|key| needs(table, key, "an animation file"))
 }
@@ -559,6 +566,29 @@ fn conventions(table: &Table<'_, '_>, folder: &Folder) -> Result<Conventions> {
             .get("faces")
             .map(|node| with_place(&node, folder.file(&node.text(what)?)).map(|asset| asset.path))
             .transpose()?,
+        columns: table.get("columns").map(|node| pose_columns(&node)).transpose()?,
+    })
+}
+
+/// The names of as many columns as there are places.
+fn column_names<const N: usize>(node: Node<'_, '_>) -> Result<[String; N]> {
+    let what = format!("the names of {} columns", if N == 3 { "three" } else { "four" });
+    let list: Vec<String> =
+        node.list(&what)?.iter().map(|node| node.text("a column")).collect::<Result<_>>()?;
+    list.try_into().map_err(|_| node.expected(&what))
+}
+
+/// The names of the columns of a pose log, as far as they are said.
+fn pose_columns(node: &Node<'_, '_>) -> Result<PoseColumns> {
+    let table = node.table(POSE_COLUMNS)?;
+    let name = |key: &str| table.get(key).map(|node| node.text("the name of a column")).transpose();
+    Ok(PoseColumns {
+        time: name("t")?,
+        body: name("body")?,
+        position: table.get("position").map(column_names).transpose()?,
+        rotation: table.get("rotation").map(column_names).transpose()?,
+        velocity: table.get("velocity").map(column_names).transpose()?,
+        angular_velocity: table.get("angular_velocity").map(column_names).transpose()?,
     })
 }
 
@@ -570,7 +600,10 @@ fn time_offset(table: &Table<'_, '_>) -> Result<f64> {
 fn source(node: &Node<'_, '_>, table: &Table<'_, '_>, folder: &Folder) -> Result<Source> {
     let what = "an animation file and an object in it, as \"file.abc#/object\"";
     let text = node.text(what)?;
-    let Some((file, object)) = text.split_once("#/") else { return Err(node.expected(what)) };
+    // The bodies of a log have no paths, so that a slash before their name says nothing.
+    let of_log = |(file, _): &(&str, &str)| [".csv", ".csv.gz"].iter().any(|end| file.ends_with(end));
+    let named = text.split_once("#/").or_else(|| text.split_once('#').filter(of_log));
+    let Some((file, object)) = named else { return Err(node.expected(what)) };
     if file.is_empty() || object.is_empty() {
         return Err(node.expected(what));
     }
@@ -720,17 +753,10 @@ fn touching(table: &Table<'_, '_>, bodies: &Node<'_, '_>) -> Result<Touching> {
 }
 
 fn contacts(table: &Table<'_, '_>, folder: &Folder) -> Result<Contacts> {
-    needs(table, "gravity", "`bodies`")?;
     let log = table.required("log", "the name of a CSV file, which may be gzipped, or `bodies` instead")?;
     let asset = with_place(&log, folder.file(&log.text("the name of a CSV file")?))?;
     let columns = table.required("columns", "a table of the log's column names")?.table(COLUMNS)?;
     let name = |key: &str| columns.required(key, "the name of a column")?.text("the name of a column");
-    let names = |node: Node<'_, '_>| -> Result<[String; 3]> {
-        let what = "the names of three columns";
-        let list = node.list(what)?;
-        let [x, y, z] = list.as_slice() else { return Err(node.expected(what)) };
-        Ok([x.text("a column")?, y.text("a column")?, z.text("a column")?])
-    };
     columns.at_most_one(&["normal_force", "normal_impulse"])?;
     let push = match (columns.get("normal_force"), columns.get("normal_impulse")) {
         (Some(node), _) => Push::Force(node.text("the name of a column")?),
@@ -743,9 +769,9 @@ fn contacts(table: &Table<'_, '_>, folder: &Folder) -> Result<Contacts> {
             time: name("t")?,
             a: name("a")?,
             b: name("b")?,
-            position: names(columns.required("position", "the names of three columns")?)?,
+            position: column_names(columns.required("position", "the names of three columns")?)?,
             push,
-            normal: columns.get("normal").map(names).transpose()?,
+            normal: columns.get("normal").map(column_names).transpose()?,
             normal_velocity: columns
                 .get("normal_velocity")
                 .map(|node| node.text("the name of a column"))
@@ -761,6 +787,9 @@ fn contacts(table: &Table<'_, '_>, folder: &Folder) -> Result<Contacts> {
             unit_m: unit_m(table)?.unwrap_or(1.0),
             time_offset_s: time_offset(table)?,
         },
+        gravity_mps2: table
+            .get("gravity")
+            .map_or(Ok(GRAVITY_MPS2), |node| node.vector("metres a second squared"))?,
         step_s: table.get("step").map(|n| n.within("a number of seconds", 1e-6, 1.0)).transpose()?,
     })
 }

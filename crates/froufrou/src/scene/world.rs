@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex};
 
 use super::alembic::Alembic;
 use super::animation::{Animation, KeyTimes, Mesh, ObjectKind, Topology, Transform};
+use super::asset::NamePattern;
 use super::conventions::Conventions;
 use super::converted::Converted;
 use super::file::{Microphone, Motion, Point, Scene, Source, Swarm};
@@ -13,9 +14,11 @@ use super::format::AnimationFormat;
 use super::gltf::Gltf;
 use super::obj::Obj;
 use super::point_cache::PointCache;
+use super::pose_log::PoseLog;
 use super::track::{Interpolation, Track, facing_frame};
 use super::wander::Wander;
 use super::wind::WindField;
+use crate::motion::body::BodyState;
 use crate::random::Random;
 use crate::score::Pose;
 use crate::synth::procedure::Flight;
@@ -53,6 +56,9 @@ pub fn open_animation_as(path: impl AsRef<Path>, conventions: &Conventions) -> R
     if conventions.clip.is_some() && !format.has_clips() {
         return useless("clip", "it is one clip");
     }
+    if conventions.columns.is_some() && !format.has_columns() {
+        return useless("columns", "it is no table");
+    }
     let animation: Arc<dyn Animation> = match format {
         #[cfg(feature = "usd")]
         AnimationFormat::Usd => Arc::new(super::usd::Usd::open(path)?),
@@ -67,6 +73,9 @@ pub fn open_animation_as(path: impl AsRef<Path>, conventions: &Conventions) -> R
         AnimationFormat::Pc2 | AnimationFormat::Mdd => Arc::new(PointCache::open(path, conventions)?),
         AnimationFormat::Obj => Arc::new(Obj::open(path)?),
         AnimationFormat::ObjSequence => Arc::new(Obj::open_sequence(path, conventions)?),
+        AnimationFormat::PoseLog => {
+            Arc::new(PoseLog::open(path, &conventions.columns.clone().unwrap_or_default())?)
+        }
     };
     Ok(Converted::wrap(animation, conventions))
 }
@@ -160,6 +169,62 @@ impl Carrier {
                 Ok(frame)
             }
         }
+    }
+
+    /// Where it is as a rigid body at a time of the soundtrack and how it moves, if it is animated by a file. Where the
+    /// file does not state velocities they are the mean ones since the sample before.
+    ///
+    /// # Errors
+    /// A sample that cannot be read.
+    pub fn state(&self, time_s: f64) -> Result<Option<BodyState>> {
+        let Way::Animated { animation, object, .. } = &self.way else { return Ok(None) };
+        let file_s = time_s + self.origin_s;
+        let mut state = rigid(&animation.transform(*object, file_s)?);
+        let stated = animation.velocity(*object, file_s)?;
+        let mut velocities = [[0.0; 3]; 2];
+        if (stated.linear_mps.is_none() || stated.angular_rps.is_none())
+            && let Some(times) = animation.objects().get(*object).map(|object| &object.key_times)
+        {
+            let at = times.bracket(file_s);
+            let (from, to) = if at.ceiling > at.floor {
+                (at.floor as usize, at.ceiling as usize)
+            } else {
+                (at.floor.saturating_sub(1) as usize, at.floor as usize)
+            };
+            if let (Some(from_s), Some(to_s)) = (times.get(from), times.get(to))
+                && to_s > from_s
+                && (from_s..=to_s + 1e-3 * (to_s - from_s)).contains(&file_s)
+            {
+                let before = rigid(&animation.transform(*object, from_s)?);
+                let after = rigid(&animation.transform(*object, to_s)?);
+                velocities = BodyState::velocities_between(&before, &after, to_s - from_s);
+            }
+        }
+        state.velocity_mps = stated.linear_mps.unwrap_or(velocities[0]);
+        state.angular_velocity_rps = stated.angular_rps.unwrap_or(velocities[1]);
+        let finite = [state.position_m, state.velocity_mps, state.angular_velocity_rps].concat();
+        if finite.iter().chain(&state.rotation).all(|c| c.is_finite()) {
+            Ok(Some(state))
+        } else {
+            Err(self.fault(format!("is at no finite position at {time_s} s")))
+        }
+    }
+
+    /// Whether its file states how fast it moves.
+    pub fn states_velocity(&self) -> bool {
+        let Way::Animated { animation, object, .. } = &self.way else { return false };
+        let first_s = animation.objects().get(*object).and_then(|object| object.key_times.get(0));
+        animation
+            .velocity(*object, first_s.unwrap_or_default())
+            .is_ok_and(|velocity| velocity.linear_mps.is_some())
+    }
+
+    /// The time of its last sample at or before a time of the soundtrack, if it is animated by a file.
+    pub fn sample_before_s(&self, time_s: f64) -> Option<f64> {
+        let Way::Animated { animation, object, .. } = &self.way else { return None };
+        let times = &animation.objects().get(*object)?.key_times;
+        let sample_s = times.get(times.bracket(time_s + self.origin_s).floor as usize)?;
+        (sample_s <= time_s + self.origin_s).then_some(sample_s - self.origin_s)
     }
 
     /// How fast it moves at a time of the soundtrack, in metres a second. Where it jumps, that is not
@@ -372,6 +437,71 @@ pub struct Body {
     pub carrier: Option<Carrier>,
 }
 
+/// Which of the bodies of an object is the one of a name in a log: the one at the end of whose path the name stands,
+/// and the only one there is whatever it is called.
+pub fn body_named<'b>(bodies: &'b [Body], object: &str, name: &str) -> Option<&'b Body> {
+    let whole = |body: &&Body| {
+        let path = body.name.strip_prefix(object).and_then(|path| path.strip_prefix('/'));
+        path == Some(name)
+    };
+    let last = |body: &&Body| body.name.rsplit('/').next() == Some(name);
+    let only = || if let [only] = bodies { Some(only) } else { None };
+    bodies.iter().find(whole).or_else(|| bodies.iter().find(last)).or_else(only)
+}
+
+/// The objects of a scene as rigid bodies that logs name, as far as files say how they move.
+#[derive(Clone, Default)]
+pub struct RigidBodies {
+    objects: Vec<RigidObject>,
+}
+
+/// An object of a scene, whose bodies logs name.
+#[derive(Clone)]
+struct RigidObject {
+    /// The names of its bodies in the logs.
+    named: NamePattern,
+    name: String,
+    bodies: Arc<[Body]>,
+    mass_kg: Option<f64>,
+}
+
+impl RigidBodies {
+    /// The objects that have a `source`.
+    pub fn of(scene: &Scene, world: &World) -> Self {
+        let objects = scene.objects.iter().zip(&world.objects);
+        let moving = objects.filter(|(object, _)| matches!(object.motion, Some(Motion::Source(_))));
+        let objects = moving.map(|(object, bodies)| {
+            let copy = |body: &Body| Body { name: body.name.clone(), carrier: body.carrier.clone() };
+            RigidObject {
+                named: object.body.clone(),
+                name: object.name.clone(),
+                bodies: bodies.iter().map(copy).collect(),
+                mass_kg: object.mass_kg,
+            }
+        });
+        Self { objects: objects.collect() }
+    }
+
+    /// True where no object has a `source`.
+    pub fn is_empty(&self) -> bool {
+        self.objects.is_empty()
+    }
+
+    /// The mass that the scene gives the body of a name, in kilograms.
+    pub fn mass_kg(&self, name: &str) -> Option<f64> {
+        self.objects.iter().find(|object| object.named.matches(name))?.mass_kg
+    }
+
+    /// What carries the body of a name; nothing where no file does.
+    pub fn carrier(&self, name: &str) -> Option<&Carrier> {
+        let object = self.objects.iter().find(|object| object.named.matches(name))?;
+        body_named(&object.bodies, &object.name, name)?
+            .carrier
+            .as_ref()
+            .filter(|carrier| matches!(carrier.way, Way::Animated { .. }))
+    }
+}
+
 /// A microphone in the world.
 pub struct Ear {
     carrier: Carrier,
@@ -546,7 +676,11 @@ impl Files {
                     .push((source.conventions.clone(), animation));
             }
         }
+        // Logs are on the soundtrack's clock, wherever they begin.
         let first = |animation: &Arc<dyn Animation>| {
+            if animation.is_log() {
+                return f64::INFINITY;
+            }
             let starts = animation.objects().iter().filter_map(|o| o.key_times.span_s());
             starts.map(|(start, _)| start).fold(f64::INFINITY, f64::min)
         };
@@ -600,10 +734,11 @@ impl Files {
                 .at(Place::Part(source.object.text().to_owned()))
                 .help(help));
         }
+        let start_s = if animation.is_log() { 0.0 } else { self.start_s };
         let ways = found.into_iter().map(|(object, named)| {
             let mesh = Arc::new(Mutex::new(Mesh::default()));
             let way = Way::Animated { animation: Arc::clone(animation), object, mesh };
-            (all[named].path.clone(), way, self.start_s - source.time_offset_s)
+            (all[named].path.clone(), way, start_s - source.time_offset_s)
         });
         Ok(ways.collect())
     }
@@ -647,6 +782,15 @@ fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a s
 
 fn into_world(frame: &Transform, [x, y, z]: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| frame[i][0] * x + frame[i][1] * y + frame[i][2] * z + frame[i][3])
+}
+
+/// Where a transform puts its body and how it turns it; what it scales is left out.
+fn rigid(frame: &Transform) -> BodyState {
+    let column = |k: usize| glam::DVec3::new(frame[0][k], frame[1][k], frame[2][k]);
+    let x = column(0).try_normalize().unwrap_or(glam::DVec3::X);
+    let y = column(1).reject_from_normalized(x).try_normalize().unwrap_or(x.any_orthonormal_vector());
+    let rotation = glam::DQuat::from_mat3(&glam::DMat3::from_cols(x, y, x.cross(y)));
+    BodyState { position_m: column(3).to_array(), rotation: rotation.to_array(), ..BodyState::STILL }
 }
 
 /// The local coordinates of a world position, if the transform can be inverted.

@@ -4,26 +4,31 @@
 //! Lines come out in time order as they are asked for, so that a score of any length is made in the
 //! memory of the threads that sound at once.
 
+mod contacts;
+mod grains;
 mod palette;
 mod voice;
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap, HashMap, VecDeque};
 use std::iter::Peekable;
+use std::sync::Arc;
 
+use self::contacts::{LEAST_QUIET, Rubbing};
+use self::grains::Flow;
 use self::voice::{Follows, Place, Voice, faded};
+use super::retarget::{self, Repertoire, Shader};
 use super::{
-    Action, Blow, Cue, Header, Microphone, MicrophoneKey, ObjectHeader, ObjectLine, Order, Pattern,
-    Radiation, Start, Statement, Verb,
+    Action, Cue, Header, Microphone, MicrophoneKey, ObjectHeader, ObjectLine, Order, Pattern, Radiation,
+    Sound, Start, Statement, Verb,
 };
+use crate::corpus::dictionary::Dictionary;
 use crate::motion::contacts::LogEvents;
-use crate::motion::event::{Cause, Event, Impact, Rub};
+use crate::motion::event::Event;
 use crate::motion::moving::MovingBodies;
 use crate::random::Random;
-use crate::scene::file::{
-    Acoustics, Emitter, ImpactSound, Material, Played, RubSound, Scene, SceneSound, StartKey, Timing,
-};
-use crate::scene::world::{Body, Carrier, World};
+use crate::scene::file::{Acoustics, Emitter, Material, Played, Scene, SceneSound, StartKey, Timing};
+use crate::scene::world::{Carrier, RigidBodies, World};
 use crate::{Error, Result};
 
 /// Where nothing moves, a line comes this often all the same, so that a score can be mixed as it is
@@ -36,12 +41,6 @@ const WIND_STEP_S: f64 = 0.1;
 /// Where lines are further apart than [`WIND_STEP_S`], the speed changes within this time of them alone: what has
 /// come to rest is silent at once, and what rests until the next line does not swell towards it.
 const BEND_S: f64 = 0.02;
-
-/// Two bodies that slide or roll and are not told to any more have stopped after so long.
-const RUB_GAP_S: f64 = 0.03;
-
-/// So many pairs of bodies are never too many to remember.
-const LEAST_QUIET: usize = 256;
 
 /// Microphones move on for this long after the last thread ends: the sound of a kilometre away.
 const LISTEN_ON_S: f64 = 3.0;
@@ -95,6 +94,8 @@ pub struct SoundFacts {
     pub ring_s: Option<f64>,
     /// The controls of an instrument.
     pub controls: Vec<String>,
+    /// Of grains: their corpus.
+    pub grains: Option<Arc<Dictionary>>,
 }
 
 /// What happens in a scene by itself, told by its contact logs and by how its objects move, in time order.
@@ -111,8 +112,9 @@ impl Events {
     /// A log that cannot be read; an object that is not there, or is no rigid body.
     pub fn open(scene: &Scene, world: &World) -> Result<Self> {
         let mut sources: Vec<Peekable<EventSource>> = Vec::new();
+        let rigid = RigidBodies::of(scene, world);
         for contacts in &scene.contacts {
-            let log: EventSource = Box::new(LogEvents::open(contacts)?);
+            let log: EventSource = Box::new(LogEvents::open(contacts, rigid.clone())?);
             sources.push(log.peekable());
         }
         for touching in &scene.touching {
@@ -169,6 +171,16 @@ pub struct Composer<'a, E> {
     ringing: HashMap<(usize, String), u64>,
     /// The threads of pairs of bodies that slide or roll along each other, by their names, the object and how.
     rubbing: HashMap<(String, String, usize, Rubbing), u64>,
+    /// The grains of those threads that have them.
+    streams: HashMap<u64, Flow>,
+    /// What the grains of materials are chosen from, by the name of the sound.
+    repertoires: HashMap<String, Arc<Repertoire>>,
+    /// The scripts that say what grains play, by their names.
+    shaders: HashMap<String, Shader>,
+    /// Events that have been foreseen and are still to come.
+    foreseen: VecDeque<Event>,
+    /// By how much events are foreseen, in seconds: for what begins before them.
+    foresight_s: f64,
     ready: VecDeque<ObjectLine>,
     state: State,
 }
@@ -194,30 +206,6 @@ enum Group {
     Sound(usize, usize),
     Impact(usize),
     Rub(Rubbing, usize),
-}
-
-/// How two bodies rub along each other.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum Rubbing {
-    Slide,
-    Roll,
-}
-
-impl Rubbing {
-    fn verb(self) -> &'static str {
-        match self {
-            Rubbing::Slide => "slides",
-            Rubbing::Roll => "rolls",
-        }
-    }
-
-    /// What a material sounds like then.
-    fn sound(self, material: &Material) -> Option<&RubSound> {
-        match self {
-            Rubbing::Slide => material.slide.as_ref(),
-            Rubbing::Roll => material.roll.as_ref(),
-        }
-    }
 }
 
 impl Group {
@@ -313,9 +301,26 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             most_quiet: LEAST_QUIET,
             ringing: HashMap::new(),
             rubbing: HashMap::new(),
+            streams: HashMap::new(),
+            repertoires: HashMap::new(),
+            shaders: HashMap::new(),
+            foreseen: VecDeque::new(),
+            foresight_s: 0.0,
             ready: VecDeque::new(),
             state: State::New,
         };
+        for (name, facts) in &composer.facts {
+            if let Some(dictionary) = &facts.grains {
+                composer.repertoires.insert(name.clone(), Arc::new(Repertoire::new(dictionary.clone())));
+                composer.foresight_s = retarget::LONGEST_LEAD_S;
+            }
+        }
+        let grains = scene.materials.iter().filter_map(|material| material.grains.as_ref());
+        for shader in grains.filter_map(|grains| grains.shader.as_ref()) {
+            if !composer.shaders.contains_key(&shader.name) {
+                composer.shaders.insert(shader.name.clone(), Shader::open(&shader.path)?);
+            }
+        }
         composer.starts = composer.planned()?;
         Ok(composer)
     }
@@ -388,11 +393,13 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                 return Ok(Some(line));
             }
             let start_s = self.starts.front().map_or(f64::INFINITY, |start| start.time_s);
-            let event_s = self.next_event.as_ref().map_or(f64::INFINITY, Event::time_s);
+            let event_s = self.foreseen.front().map_or(f64::INFINITY, Event::time_s);
+            let seen_s = self.next_event.as_ref().map_or(f64::INFINITY, Event::time_s) - self.foresight_s;
             let due_s = self.due.peek().map_or(f64::INFINITY, |Reverse(due)| due.time_s);
-            if due_s < start_s.min(event_s) {
+            let next_s = start_s.min(event_s).min(seen_s);
+            if due_s < next_s {
                 // Microphones go on for as long as anything sounds, is under way or still to come.
-                let silent = self.voices.is_empty() && start_s.min(event_s) == f64::INFINITY;
+                let silent = self.voices.is_empty() && next_s == f64::INFINITY;
                 let idle = silent && due_s > self.last_end_s + LISTEN_ON_S;
                 match self.due.pop() {
                     Some(Reverse(due)) if due.what == What::Line => self.sound(due.id, due.time_s)?,
@@ -400,18 +407,26 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                     Some(Reverse(due)) if !idle => self.hear(due.id as usize, due.time_s)?,
                     _ => {}
                 }
-            } else if start_s == f64::INFINITY && event_s == f64::INFINITY {
+            } else if next_s == f64::INFINITY {
                 return Ok(None);
-            } else if start_s <= event_s {
+            } else if start_s <= event_s.min(seen_s) {
                 if let Some(planned) = self.starts.pop_front() {
                     self.start(&planned)?;
                 }
-            } else if let Some(event) = self.next_event.take() {
-                self.next_event = self.events.next().transpose()?;
-                match &event {
-                    Event::Impact(impact) => self.strike(impact)?,
-                    Event::Slide(rub) => self.rub(rub, Rubbing::Slide)?,
-                    Event::Roll(rub) => self.rub(rub, Rubbing::Roll)?,
+            } else if seen_s <= event_s {
+                if let Some(event) = self.next_event.take() {
+                    self.next_event = self.events.next().transpose()?;
+                    // What an impact sounds like may begin before it; what slides and rolls is told as it does.
+                    match event {
+                        Event::Impact(impact) => self.strike(&impact)?,
+                        event => self.foreseen.push_back(event),
+                    }
+                }
+            } else {
+                match self.foreseen.pop_front() {
+                    Some(Event::Slide(rub)) => self.rub(&rub, Rubbing::Slide)?,
+                    Some(Event::Roll(rub)) => self.rub(&rub, Rubbing::Roll)?,
+                    _ => {}
                 }
             }
         }
@@ -590,206 +605,13 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         Ok(())
     }
 
-    /// The object that a body is, which is one or none: logs have names of their own, what is told by motion alone
-    /// has those of the world.
-    fn object_of(&self, body: &str, cause: &Cause) -> Option<usize> {
-        let of_log = || self.scene.objects.iter().position(|object| object.body.matches(body));
-        let of_world =
-            || self.world.objects.iter().position(|bodies| bodies.iter().any(|other| other.name == body));
-        match cause {
-            Cause::Log(_) => of_log(),
-            Cause::Motion(_) => of_world().or_else(of_log),
-        }
-    }
-
-    /// Lets both bodies of an impact sound, as their materials have it.
-    fn strike(&mut self, impact: &Impact) -> Result<()> {
-        if impact.time_s < 0.0 {
-            return Ok(());
-        }
-        for (body, other) in [(&impact.a, &impact.b), (&impact.b, &impact.a)] {
-            let Some(index) = self.object_of(body, &impact.cause) else { continue };
-            let material = self.scene.objects[index].material.and_then(|m| self.scene.materials.get(m));
-            let Some(sound) = material.and_then(|m| m.impact.as_ref()) else { continue };
-            let pair = (body.clone(), other.clone(), index);
-            let quiet = self.quiet_until_s.get(&pair).is_some_and(|&until_s| impact.time_s < until_s);
-            if impact.impulse_ns >= sound.floor_impulse_ns && !quiet {
-                if self.quiet_until_s.len() >= self.most_quiet {
-                    self.quiet_until_s.retain(|_, &mut until_s| until_s > impact.time_s);
-                    self.most_quiet = LEAST_QUIET.max(2 * self.quiet_until_s.len());
-                }
-                self.quiet_until_s.insert(pair, impact.time_s + sound.retrigger_s);
-                self.strike_one(impact, body, other, index, sound)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// What carries a body of a log, and the name of its stem.
-    fn carried(
-        &self,
-        index: usize,
-        body: &str,
-        position_m: [f64; 3],
-        time_s: f64,
-    ) -> Result<(Carrier, String)> {
-        let bodies = &self.world.objects[index];
-        let is_it = |b: &&Body| b.name == body || b.name.rsplit('/').next() == Some(body);
-        let named = bodies.iter().find(is_it).or(bodies.first());
-        let carrier = match named.and_then(|b| b.carrier.as_ref()) {
-            Some(carrier) => carrier.holding(position_m, time_s)?,
-            None => Carrier::still(position_m),
-        };
-        let object = named
-            .filter(|_| bodies.len() > 1)
-            .map_or_else(|| self.scene.objects[index].name.clone(), |b| b.name.clone());
-        Ok((carrier, object))
-    }
-
-    fn strike_one(
-        &mut self,
-        impact: &Impact,
-        body: &str,
-        other: &str,
-        index: usize,
-        sound: &ImpactSound,
-    ) -> Result<()> {
-        let time_s = impact.time_s;
-        let (name, speed) = self.pick(Group::Impact(index), &sound.played, sound.speed_variation)?;
-        let facts = self.facts.get(&name);
-        let ring_s = facts.and_then(|facts| facts.ring_s);
-        let struck = matches!(sound.played, Played::Instrument(_));
-        let count = self.picks.get(&Group::Impact(index)).map_or(0, |picks| picks.count);
-        let [from, to] = sound.place;
-        let place = from + (to - from) * Random::new(self.scene.seed, STRIKES + index as u64).uniform(count);
-        let blow = Blow { impulse_ns: impact.impulse_ns, place: tidy(place), contact_s: sound.contact_s };
-        let ringing = (index, body.to_owned());
-        if struck && let Some(ring_s) = ring_s {
-            // What still rings is struck again.
-            if let Some(&id) = self.ringing.get(&ringing)
-                && let Some(voice) = self.voices.get_mut(&id)
-            {
-                voice.end_s = voice.end_s.max(time_s + ring_s);
-                voice.cues.push_back((time_s, Action::Strike(blow)));
-                self.due.push(Reverse(Due { time_s, what: What::Cue, id }));
-                return Ok(());
-            }
-        }
-        let length_s =
-            if struck { ring_s.unwrap_or(0.0) } else { facts.map_or(0.0, |facts| facts.length_s) / speed };
-        let (carrier, object) = self.carried(index, body, impact.position_m, time_s)?;
-        // Pressure is proportional to impulse; an instrument is so by itself.
-        let level = if struck { 1.0 } else { impact.impulse_ns } / sound.reference_impulse_ns;
-        let gain = from_db(sound.gain_db) * level * sound.reference_distance_m;
-        let cause = format!("{body} struck by {other}, {:.4} N s, {}", impact.impulse_ns, impact.cause);
-        let start = Start { speed, object, cause, ..Start::new(name) };
-        let cues = if struck { VecDeque::from([(time_s, Action::Strike(blow))]) } else { VecDeque::new() };
-        let id = self.begin(
-            time_s,
-            Voice {
-                start: Some(start),
-                place: Place::Carrier(carrier),
-                turns: false,
-                gain: vec![(time_s, gain)],
-                end_s: time_s + length_s,
-                passed_s: time_s,
-                due_s: time_s,
-                cues,
-                speed: None,
-            },
-        );
-        if struck {
-            let voices = &self.voices;
-            self.ringing.retain(|_, id| voices.contains_key(id));
-            self.ringing.insert(ringing, id);
-        }
-        Ok(())
-    }
-
-    /// Lets both bodies sound that slide or roll along each other, as their materials have it.
-    fn rub(&mut self, rub: &Rub, how: Rubbing) -> Result<()> {
-        if rub.time_s < 0.0 {
-            return Ok(());
-        }
-        for (body, other) in [(&rub.a, &rub.b), (&rub.b, &rub.a)] {
-            let Some(index) = self.object_of(body, &rub.cause) else { continue };
-            let material = self.scene.objects[index].material.and_then(|m| self.scene.materials.get(m));
-            let Some(sound) = material.and_then(|m| how.sound(m)) else { continue };
-            if rub.speed_mps >= sound.floor_speed_mps {
-                self.rub_one(rub, how, body, other, index, sound)?;
-            }
-        }
-        Ok(())
-    }
-
-    fn rub_one(
-        &mut self,
-        rub: &Rub,
-        how: Rubbing,
-        body: &str,
-        other: &str,
-        index: usize,
-        sound: &RubSound,
-    ) -> Result<()> {
-        let time_s = rub.time_s;
-        let gain =
-            from_db(sound.gain_db) * rub.force_n / sound.reference_force_n * sound.reference_distance_m;
-        let end_s = time_s + RUB_GAP_S + rub.lasts_s;
-        let pair = (body.to_owned(), other.to_owned(), index, how);
-        let live = self.rubbing.get(&pair).copied().filter(|id| self.voices.contains_key(id));
-        let id = match live {
-            Some(id) => id,
-            None => {
-                let (name, _) = self.pick(Group::Rub(how, index), &sound.played, 0.0)?;
-                let (_, object) = self.carried(index, body, rub.position_m, time_s)?;
-                let cause = format!("{body} {} along {other}, {}", how.verb(), rub.cause);
-                let start = Start { object, cause, ..Start::new(name) };
-                let voice = Voice {
-                    start: Some(start),
-                    place: Place::Carrier(Carrier::still(rub.position_m)),
-                    turns: false,
-                    gain: Vec::new(),
-                    end_s,
-                    passed_s: time_s,
-                    due_s: time_s,
-                    cues: VecDeque::new(),
-                    speed: None,
-                };
-                let voices = &self.voices;
-                self.rubbing.retain(|_, id| voices.contains_key(id));
-                let id = self.begin(time_s, voice);
-                self.rubbing.insert(pair, id);
-                id
-            }
-        };
-        let name = self.name_of(&sound.played, 0);
-        let controls = name.and_then(|name| self.facts.get(&name)).map(|facts| facts.controls.as_slice());
-        let has =
-            |control: &str| controls.is_some_and(|controls| controls.iter().any(|name| name == control));
-        let told = [("speed", rub.speed_mps), ("force", rub.force_n)].into_iter();
-        let told: Vec<(String, f64)> =
-            told.filter(|(name, _)| has(name)).map(|(name, value)| (name.to_owned(), tidy(value))).collect();
-        let Some(voice) = self.voices.get_mut(&id) else { return Ok(()) };
-        voice.place = Place::Carrier(Carrier::still(rub.position_m));
-        // It dies away where it is told nothing more.
-        voice.gain = vec![(time_s, gain), (end_s, 0.0)];
-        voice.end_s = end_s;
-        // Two logs may tell of one pair at one time.
-        if voice.start.is_some() || voice.passed_s < time_s {
-            voice.due_s = time_s;
-            self.due.push(Reverse(Due { time_s, what: What::Line, id }));
-        }
-        if !told.is_empty() {
-            voice.cues.push_back((time_s, Action::Set(told)));
-            self.due.push(Reverse(Due { time_s, what: What::Cue, id }));
-        }
-        Ok(())
-    }
-
     /// The name in the header of one of the sounds of what plays.
     fn name_of(&self, played: &Played, index: usize) -> Option<String> {
-        let wanted = palette::sound_of(played, index, &self.scene.instruments);
-        self.header.sounds.iter().find(|sound| palette::same(sound, &wanted)).map(|sound| sound.name.clone())
+        self.name_of_sound(&palette::sound_of(played, index, &self.scene.instruments))
+    }
+
+    fn name_of_sound(&self, wanted: &Sound) -> Option<String> {
+        self.header.sounds.iter().find(|sound| palette::same(sound, wanted)).map(|sound| sound.name.clone())
     }
 
     fn facts_of(&self, played: &Played, index: usize) -> Option<&SoundFacts> {
@@ -823,9 +645,6 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         }
     }
 }
-
-/// Keeps the places of strikes apart from other random numbers of the same seed.
-const STRIKES: u64 = 0x57a1_0000_0000_0000;
 
 /// A number rounded far below what is heard, so that a score is good to read.
 fn tidy(value: f64) -> f64 {

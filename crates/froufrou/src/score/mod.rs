@@ -40,6 +40,7 @@ pub use write::{ChannelWriter, ObjectWriter, Writer};
 
 pub mod compose;
 pub mod ending;
+pub mod retarget;
 
 use crate::space::ambisonic::{self, CHANNEL_NAMES};
 use crate::space::bands::Bands;
@@ -115,6 +116,11 @@ pub enum Make {
         /// The script.
         script: String,
     },
+    /// Grains of real recordings, one after the other as they are told.
+    Grains {
+        /// The folder of the corpus.
+        corpus: String,
+    },
 }
 
 impl Make {
@@ -123,7 +129,8 @@ impl Make {
         match self {
             Make::Recording { path: file, .. }
             | Make::Modes { table: Some(file), .. }
-            | Make::Procedure { script: file } => Some(file),
+            | Make::Procedure { script: file }
+            | Make::Grains { corpus: file } => Some(file),
             _ => None,
         }
     }
@@ -132,7 +139,8 @@ impl Make {
         match self {
             Make::Recording { path: file, .. }
             | Make::Modes { table: Some(file), .. }
-            | Make::Procedure { script: file } => Some(file),
+            | Make::Procedure { script: file }
+            | Make::Grains { corpus: file } => Some(file),
             _ => None,
         }
     }
@@ -150,6 +158,7 @@ impl Make {
             Make::StickSlip => "stick-slip",
             Make::Turbulence => "turbulence",
             Make::Procedure { .. } => "procedure",
+            Make::Grains { .. } => "grains",
         }
     }
 }
@@ -586,6 +595,22 @@ pub enum Action {
     Set(Vec<(String, f64)>),
     /// It is struck.
     Strike(Blow),
+    /// A grain begins.
+    Grain(Grain),
+}
+
+/// A grain of a corpus, as it is played.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grain {
+    /// Its number in the corpus, from 0.
+    pub number: u32,
+    /// Its gain.
+    pub gain: f64,
+    /// Seconds of it that are played in a second: at 2 it is an octave higher and half as long.
+    pub speed: f64,
+    /// How far its speed strays at random, as the standard deviation of its logarithm: its partials become bands as
+    /// wide as this part of their frequency.
+    pub spread: f64,
 }
 
 /// What strikes a synthesised sound.

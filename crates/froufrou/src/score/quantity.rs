@@ -43,6 +43,7 @@ pub const DECAY: Quantity = quantity("the decay per second", Bound::Positive);
 pub const MODE_GAIN: Quantity = quantity("the gain of the mode", Bound::Finite);
 pub const IMPULSE: Quantity = quantity("the impulse in newton seconds", Bound::NotNegative);
 pub const STRIKE_PLACE: Quantity = quantity("the place of the strike", Bound::NotNegative);
+pub const SPREAD: Quantity = quantity("the spread", Bound::NotNegative);
 pub const CONTACT: Quantity = quantity("the time of contact in seconds", Bound::NotNegative);
 pub const POSITION: [Quantity; 3] = [
     quantity("the place's x in metres", Bound::Finite),

@@ -9,8 +9,8 @@ use super::note::{Declared, Note};
 use super::rules::{Fault, Named, Rules, Step};
 use super::space::{ChannelSpace, LineRef, ObjectSpace, Space, once, push_whereabouts, read_whereabouts};
 use super::{
-    Action, Blow, Cue, Header, Held, Make, MicrophoneKey, Mode, Order, Pattern, Radiation, Repeat, Sound,
-    Start, Statement, Verb, quantity,
+    Action, Blow, Cue, Grain, Header, Held, Make, MicrophoneKey, Mode, Order, Pattern, Radiation, Repeat,
+    Sound, Start, Statement, Verb, quantity,
 };
 use crate::{Error, Place, Result};
 
@@ -22,11 +22,21 @@ const SPACES: [&str; 2] = [ObjectSpace::NAME, ChannelSpace::NAME];
 const DECLARATIONS: [&str; 8] =
     ["order", "speed-of-sound", "duration", "seed", "surroundings", "pattern", "sound", "mode"];
 const THREAD_VERBS: [&str; 5] = ["start", "path", "key", "jump", "end"];
-const CUE_VERBS: [&str; 2] = ["set", "strike"];
+const CUE_VERBS: [&str; 3] = ["set", "strike", "grain"];
 const START_CLAUSES: [&str; 5] = ["speed", "offset", "object", "cause", "pattern"];
 /// The words for synthesised sounds.
-const KINDS: [&str; 9] =
-    ["string", "bar", "free-bar", "clamped-bar", "modes", "needle", "stick-slip", "turbulence", "procedure"];
+const KINDS: [&str; 10] = [
+    "string",
+    "bar",
+    "free-bar",
+    "clamped-bar",
+    "modes",
+    "needle",
+    "stick-slip",
+    "turbulence",
+    "procedure",
+    "grains",
+];
 
 /// Reads the first line, which tells the space.
 pub fn read_first_line<R: BufRead>(lines: &mut Lines<R>, note: &mut Option<Note>) -> Result<&'static str> {
@@ -143,6 +153,7 @@ pub fn read_sound(words: &mut Words<'_>) -> Result<Sound> {
         "needle" => Make::Needle,
         "stick-slip" => Make::StickSlip,
         "turbulence" => Make::Turbulence,
+        "grains" => Make::Grains { corpus: words.name("the folder of the corpus")?.into_owned() },
         _ => Make::Procedure { script: words.name("the path of the script")?.into_owned() },
     };
     let with = match words.keyword("`with`")? {
@@ -232,6 +243,10 @@ fn sound_line(sound: &Sound) -> Result<String> {
         Make::Procedure { script } => {
             text.push_str("procedure ");
             push_quoted(&mut text, script);
+        }
+        Make::Grains { corpus } => {
+            text.push_str("grains ");
+            push_quoted(&mut text, corpus);
         }
     }
     if !sound.with.is_empty() {
@@ -386,13 +401,16 @@ fn start_clauses<S: Space>() -> &'static [&'static str] {
     if S::HAS_PLACES { &START_CLAUSES } else { &START_CLAUSES[..4] }
 }
 
-/// Reads what follows `set` or `strike`.
+/// Reads what follows `set`, `strike` or `grain`.
 pub fn read_cue<V>(verb: &str, words: &mut Words<'_>, rules: &mut Rules<V>) -> Result<Cue> {
     let thread = words.whole("the thread's number")?;
     let time_s = words.number_of(quantity::TIME)?;
     rules.cue(verb, thread, time_s).map_err(|fault| place(words, fault))?;
-    let action =
-        if verb == "set" { Action::Set(read_values(words)?) } else { Action::Strike(read_blow(words)?) };
+    let action = match verb {
+        "set" => Action::Set(read_values(words)?),
+        "strike" => Action::Strike(read_blow(words)?),
+        _ => Action::Grain(read_grain(words)?),
+    };
     Ok(Cue { thread, time_s, action })
 }
 
@@ -413,6 +431,28 @@ fn read_blow(words: &mut Words<'_>) -> Result<Blow> {
     }
     let impulse_ns = impulse_ns.ok_or_else(|| words.fault("a strike without an `impulse`"))?;
     Ok(Blow { impulse_ns, place: at.unwrap_or(0.0), contact_s: contact_s.unwrap_or(0.0) })
+}
+
+fn read_grain(words: &mut Words<'_>) -> Result<Grain> {
+    let number = words.whole("the grain's number")?;
+    let (mut gain, mut speed, mut spread) = (None, None, None);
+    let expected = "`gain G`, `speed S` or `spread P`";
+    while let Some(keyword) = words.keyword(expected)? {
+        let (part, quantity) = match keyword {
+            "gain" => (&mut gain, quantity::GAIN),
+            "speed" => (&mut speed, quantity::PLAYBACK_SPEED),
+            "spread" => (&mut spread, quantity::SPREAD),
+            other => return Err(words.unknown("word", other, ["gain", "speed", "spread"], expected)),
+        };
+        let number = words.number_of(quantity)?;
+        once(part, keyword, words, number)?;
+    }
+    Ok(Grain {
+        number,
+        gain: gain.unwrap_or(1.0),
+        speed: speed.unwrap_or(1.0),
+        spread: spread.unwrap_or(0.0),
+    })
 }
 
 /// Reads what follows `hear` or `cut`.
@@ -494,6 +534,19 @@ pub fn push_line<S: Space>(text: &mut String, line: &S::Line, receivers: &[S::Re
                     text.push_str(" contact ");
                     quantity::CONTACT.push(text, blow.contact_s)?;
                 }
+                Action::Grain(grain) => {
+                    text.push_str(&format!(" {} gain ", grain.number));
+                    quantity::GAIN.push(text, grain.gain)?;
+                    // The bits are compared, so that even a negative zero comes back.
+                    if grain.speed != 1.0 {
+                        text.push_str(" speed ");
+                        quantity::PLAYBACK_SPEED.push(text, grain.speed)?;
+                    }
+                    if grain.spread.to_bits() != 0 {
+                        text.push_str(" spread ");
+                        quantity::SPREAD.push(text, grain.spread)?;
+                    }
+                }
             }
         }
         LineRef::Microphone(key) => {
@@ -520,6 +573,7 @@ pub fn cue_verb(action: &Action) -> &'static str {
     match action {
         Action::Set(_) => "set",
         Action::Strike(_) => "strike",
+        Action::Grain(_) => "grain",
     }
 }
 

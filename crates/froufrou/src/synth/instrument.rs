@@ -6,7 +6,11 @@
 //! controls over each stretch and the strikes that fall into it. Stretches have one fixed length, so
 //! that the signal is a function of the score alone, and not of the blocks that somebody renders.
 
+use std::sync::Arc;
+
+use crate::corpus::dictionary::Dictionary;
 use crate::random::Random;
+use crate::score::Grain;
 use crate::{Error, Place, Result};
 
 /// How long a stretch is at most, in seconds: generators follow their controls this closely.
@@ -30,6 +34,15 @@ pub struct Strike {
     /// How hard the striker is: the time in seconds that it touches. A soft one touches longer and
     /// leaves high partials alone. 0: as hard as can be.
     pub contact_s: f64,
+}
+
+/// A grain that begins.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GrainStart {
+    /// When, in seconds since the thread started.
+    pub time_s: f64,
+    /// Which, and how it is played.
+    pub grain: Grain,
 }
 
 /// The value of a control over a stretch, which changes evenly from its beginning to its end (where
@@ -66,6 +79,8 @@ pub struct Stretch<'a> {
     /// The strikes from its first sample (inclusive) to the first of the next stretch (exclusive), in
     /// order of time.
     pub strikes: &'a [Strike],
+    /// The grains that begin in it, likewise.
+    pub grains: &'a [GrainStart],
 }
 
 /// A value of an instrument that changes while it sounds.
@@ -85,6 +100,11 @@ pub trait Instrument: Send + Sync {
     /// Seconds until the loudest strike there is has died away to −120 dB of itself; `None` for what
     /// sounds by itself, without being struck, for as long as its thread lasts.
     fn ring_s(&self) -> Option<f64>;
+
+    /// The corpus whose grains it can be told to play; none for most.
+    fn corpus(&self) -> Option<Arc<Dictionary>> {
+        None
+    }
 
     /// A generator for one thread. All that is random in it comes from `random`.
     ///

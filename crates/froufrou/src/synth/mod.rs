@@ -3,6 +3,7 @@
 pub mod bus;
 mod filter;
 mod gate;
+pub mod grains;
 pub mod instrument;
 pub(crate) mod kernel;
 pub mod mixer;

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::grains::Grains;
 use super::instrument::{Instrument, Parameters};
 use super::mixer::Sounding;
 use super::modal::bar::Ends;
@@ -16,6 +17,7 @@ use super::procedure::Procedure;
 use super::stick_slip::StickSlip;
 use super::turbulence::Turbulence;
 use super::voice::Prototype;
+use crate::corpus::dictionary::Dictionary;
 use crate::corpus::looping::seamless_loop;
 use crate::corpus::recording::Recording;
 use crate::score::{Held, Make, Repeat, Sound};
@@ -76,6 +78,10 @@ fn instrument(sound: &Sound, make: &Make, folder: &Path) -> Result<Arc<dyn Instr
         Make::Procedure { script } => {
             Procedure::open(folder.join(script), &sound.with).map(|procedure| Arc::new(procedure) as _)
         }
+        Make::Grains { corpus } => Parameters::new(&sound.with)
+            .finish()
+            .and_then(|()| Dictionary::open(&folder.join(corpus)))
+            .map(|dictionary| Arc::new(Grains::new(Arc::new(dictionary))) as _),
         Make::Recording { .. } => Err(Error::new("a recording is no instrument")),
     };
     made.map_err(named)

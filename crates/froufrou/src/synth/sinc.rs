@@ -222,6 +222,30 @@ impl Samples<'_> {
     }
 }
 
+/// Reads a sound from a position on at a ratio of rates: input samples an output sample. Silence lies about it.
+pub(crate) fn resample(samples: &[f32], begin: f64, ratio: f64, out: &mut [f32]) {
+    let positions: Vec<f64> = (0..out.len()).map(|n| begin + n as f64 * ratio).collect();
+    let ratios = vec![ratio; out.len()];
+    pulp::Arch::new().dispatch(Resampling { samples, positions: &positions, ratios: &ratios, out });
+}
+
+struct Resampling<'a> {
+    samples: &'a [f32],
+    positions: &'a [f64],
+    ratios: &'a [f64],
+    out: &'a mut [f32],
+}
+
+impl pulp::WithSimd for Resampling<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, simd: S) {
+        let samples = Samples { samples: self.samples, looped: false };
+        samples.read(simd, self.positions, self.ratios, self.out, &mut Vec::new());
+    }
+}
+
 /// The weighted sum of the dot products of an input with four rows of its length, a multiple of
 /// [`LANES`].
 #[inline(always)]
@@ -295,7 +319,7 @@ pub(super) mod tests {
         (20.0 * a.hypot(b).log10(), 10.0 * (2.0 * rest / signal.len() as f64).max(1e-30).log10())
     }
 
-    fn resample(input: &[f32], ratio: f64, count: usize) -> Vec<f64> {
+    fn resampled(input: &[f32], ratio: f64, count: usize) -> Vec<f64> {
         let samples = Samples { samples: input, looped: false };
         let mut window = Vec::new();
         (0..count).map(|n| f64::from(read(samples, 400.37 + n as f64 * ratio, ratio, &mut window))).collect()
@@ -311,7 +335,7 @@ pub(super) mod tests {
             let edge = 0.5 * PASS_EDGE / ratio.max(1.0);
             for part in [0.003, 0.1, 0.25, 0.5, 0.75, 0.9, 0.97, 1.0] {
                 let frequency = edge * part;
-                let output = resample(&tone(frequency, input_length), ratio, (5000.0 / ratio) as usize);
+                let output = resampled(&tone(frequency, input_length), ratio, (5000.0 / ratio) as usize);
                 let (level, rest) = fit(&output, frequency * ratio);
                 assert!(level.abs() < 0.05, "ratio {ratio}, {part} of the edge: level {level} dB");
                 assert!(rest < -100.0, "ratio {ratio}, {part} of the edge: rest {rest} dB");
@@ -327,7 +351,7 @@ pub(super) mod tests {
                 if frequency >= 0.5 {
                     continue;
                 }
-                let output = resample(&tone(frequency, 6000), ratio, (5000.0 / ratio) as usize);
+                let output = resampled(&tone(frequency, 6000), ratio, (5000.0 / ratio) as usize);
                 let power = output.iter().map(|y| y * y).sum::<f64>() / output.len() as f64;
                 let level = 10.0 * (2.0 * power).log10();
                 assert!(level < -100.0, "ratio {ratio}, {part} of Nyquist: {level} dB");
@@ -341,7 +365,7 @@ pub(super) mod tests {
         for ratio in [0.5, 0.61, 0.75, 0.999, 1.0] {
             for part in [0.87, 0.93, 0.99] {
                 let frequency = 0.5 * part;
-                let output = resample(&tone(frequency, 6000), ratio, (5000.0 / ratio) as usize);
+                let output = resampled(&tone(frequency, 6000), ratio, (5000.0 / ratio) as usize);
                 let (_, rest) = fit(&output, frequency * ratio);
                 assert!(rest < -100.0, "ratio {ratio}, {part} of Nyquist: {rest} dB");
             }

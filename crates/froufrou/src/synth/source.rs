@@ -4,7 +4,7 @@
 use std::collections::VecDeque;
 use std::sync::{Mutex, PoisonError};
 
-use super::instrument::{Generator, Instrument, Ramp, Stretch, Strike, stretch_samples};
+use super::instrument::{Generator, GrainStart, Instrument, Ramp, Stretch, Strike, stretch_samples};
 use super::sinc::Samples;
 use super::voice::Signal;
 use crate::random::Random;
@@ -21,13 +21,16 @@ pub(crate) struct Source {
     rate_hz: f64,
     controls: Vec<ControlTrack>,
     rings: bool,
+    grain_count: usize,
     strikes: VecDeque<Strike>,
+    grains: VecDeque<GrainStart>,
     /// The signal from sample `base` on.
     samples: Vec<f32>,
     base: u64,
     /// Scratch memory.
     ramps: Vec<Ramp>,
     due: Vec<Strike>,
+    due_grains: Vec<GrainStart>,
 }
 
 /// The value of a control over time, even between its keys.
@@ -68,11 +71,14 @@ impl Source {
             rate_hz,
             controls: instrument.controls().iter().map(track).collect(),
             rings: instrument.ring_s().is_some(),
+            grain_count: instrument.corpus().map_or(0, |corpus| corpus.grains().len()),
             strikes: VecDeque::new(),
+            grains: VecDeque::new(),
             samples: Vec::new(),
             base: 0,
             ramps: Vec::new(),
             due: Vec::new(),
+            due_grains: Vec::new(),
         })
     }
 
@@ -89,6 +95,18 @@ impl Source {
                 place: blow.place,
                 contact_s: blow.contact_s,
             }),
+            Action::Grain(grain) => {
+                if grain.number as usize >= self.grain_count {
+                    let what = match self.grain_count {
+                        0 => "the sound is told to play a grain, and it is none of grains".to_owned(),
+                        count => format!("there is no grain {}: its corpus has {count}", grain.number),
+                    };
+                    return Err(
+                        Error::new(what).help("grains are counted from 0, and a score fits one corpus")
+                    );
+                }
+                self.grains.push_back(GrainStart { time_s, grain: *grain });
+            }
             Action::Set(values) => {
                 for (name, value) in values {
                     let Some(track) = self.controls.iter_mut().find(|track| track.name == *name) else {
@@ -158,7 +176,18 @@ impl Source {
             self.due.push(Strike { time_s: strike.time_s.max(begin_s), ..*strike });
             self.strikes.pop_front();
         }
-        let stretch = Stretch { first, rate_hz: self.rate_hz, controls: &self.ramps, strikes: &self.due };
+        self.due_grains.clear();
+        while let Some(start) = self.grains.front().filter(|start| start.time_s < end_s) {
+            self.due_grains.push(GrainStart { time_s: start.time_s.max(begin_s), ..*start });
+            self.grains.pop_front();
+        }
+        let stretch = Stretch {
+            first,
+            rate_hz: self.rate_hz,
+            controls: &self.ramps,
+            strikes: &self.due,
+            grains: &self.due_grains,
+        };
         generator.generate(&stretch, out)?;
         match out.iter().position(|sample| !sample.is_finite()) {
             None => Ok(()),

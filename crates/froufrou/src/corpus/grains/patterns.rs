@@ -29,6 +29,8 @@ mod picker;
 #[cfg(test)]
 mod tests;
 
+use serde::{Deserialize, Serialize};
+
 use crate::corpus::spectral::check_sound;
 use crate::error::{Error, Place, Result};
 
@@ -36,7 +38,8 @@ use crate::error::{Error, Place, Result};
 const LONGEST: usize = 1 << 20;
 
 /// Which peaks to keep.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Matching {
     /// The most peaks that one grain has in one recording: k.
     pub peaks_per_grain: usize,
@@ -71,6 +74,8 @@ pub struct Peak {
 pub struct Matcher<'a> {
     matching: Matching,
     grains: Vec<&'a [f32]>,
+    /// Of each grain; none where all are of one.
+    groups: Vec<usize>,
     rate_hz: u32,
 }
 
@@ -100,7 +105,14 @@ impl<'a> Matcher<'a> {
                     .at(place()));
             }
         }
-        Ok(Self { matching, grains, rate_hz })
+        Ok(Self { matching, grains, groups: Vec::new(), rate_hz })
+    }
+
+    /// Says which grains belong together, by a number for each. What is found of a grain then depends on those of its
+    /// group alone, to the last bit; groups of a few grains cost a little more.
+    #[must_use]
+    pub fn grouped(self, groups: Vec<usize>) -> Self {
+        Self { groups, ..self }
     }
 
     /// Where the grains fit in one channel of a recording: the peaks in order of grains, each grain's by falling
@@ -123,6 +135,6 @@ impl<'a> Matcher<'a> {
         if self.matching.peaks_per_grain == 0 {
             return Ok(Vec::new());
         }
-        Ok(blocks::pattern(&self.matching, &self.grains, self.rate_hz, recording))
+        Ok(blocks::pattern(&self.matching, &self.grains, &self.groups, self.rate_hz, recording))
     }
 }

@@ -4,11 +4,17 @@
 //! missing, the granule positions tell which frames at both ends are the encoder's own, and the setup
 //! header must be weighed before a decoder is asked to make room for what it announces.
 
+mod repack;
+
 use lewton::audio::{PreviousWindowRight, read_audio_packet_generic};
 use lewton::header::{IdentHeader, SetupHeader, read_header_ident, read_header_setup};
 
 use super::{CONVERT, Recording, append, check_header, contained, cut_short};
 use crate::error::{Error, Place, Result};
+
+#[cfg(feature = "vorbis")]
+pub(crate) use repack::packets;
+pub(crate) use repack::pages;
 
 /// One page of an Ogg file (RFC 3533, section 6).
 struct Page<'a> {

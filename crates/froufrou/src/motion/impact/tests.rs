@@ -5,6 +5,7 @@ use crate::random::Random;
 use crate::scene::asset::Asset;
 use crate::scene::contact_log::{ContactColumns, ContactLog, UpAxis};
 use crate::scene::file::Contacts;
+use crate::scene::world::RigidBodies;
 use proptest::prelude::*;
 
 const RATES_HZ: [f64; 4] = [1000.0, 240.0, 60.0, 30.0];
@@ -73,7 +74,7 @@ fn blows(rate_hz: f64, rows: &[ContactRow]) -> Result<Vec<Blow>> {
     let mut blows = Vec::new();
     let mut now_s = f64::NEG_INFINITY;
     for row in rows {
-        analyser.feed(row)?;
+        analyser.feed(row, [None; 2])?;
         now_s = row.time_s;
         while let Some(blow) = analyser.next_blow() {
             blows.push(blow);
@@ -266,7 +267,7 @@ fn pairs_long_apart_are_forgotten() -> Result<()> {
     let mut analyser = Analyser::new(Settings::new(Step::Fixed(0.001)));
     let mut count = 0;
     for i in 0..200_000u32 {
-        analyser.feed(&row(f64::from(i) * 0.001, 2 * i, 2 * i + 1, [0.0; 3], 50.0))?;
+        analyser.feed(&row(f64::from(i) * 0.001, 2 * i, 2 * i + 1, [0.0; 3], 50.0), [None; 2])?;
         while analyser.next_blow().is_some() {
             count += 1;
         }
@@ -385,6 +386,7 @@ fn contacts(path: std::path::PathBuf, up: UpAxis) -> Contacts {
             time_offset_s: 0.0,
         },
         step_s: None,
+        gravity_mps2: [0.0, -G, 0.0],
     }
 }
 
@@ -393,7 +395,7 @@ fn log_events(text: &str, step_s: Option<f64>) -> Result<Vec<Event>> {
     let folder = tempfile::tempdir().map_err(fail)?;
     let path = folder.path().join("log.csv");
     std::fs::write(&path, text).map_err(fail)?;
-    LogEvents::open(&Contacts { step_s, ..contacts(path, UpAxis::Y) })?.collect()
+    LogEvents::open(&Contacts { step_s, ..contacts(path, UpAxis::Y) }, RigidBodies::default())?.collect()
 }
 
 #[test]
@@ -455,7 +457,7 @@ fn velocities(data: &std::path::Path) -> Result<Vec<(f64, String, [f64; 3])>> {
 fn the_impacts_of_a_simulated_scene_are_those_of_its_poses() -> Result<()> {
     let Some(data) = data() else { return Ok(()) };
     let path = data.join("contacts/pybullet_mixed_1kHz_contacts.csv.gz");
-    let log = LogEvents::open(&contacts(path, UpAxis::Z))?;
+    let log = LogEvents::open(&contacts(path, UpAxis::Z), RigidBodies::default())?;
     assert!((log.settings().step.typical_s() - 0.001).abs() < 1e-6);
     let impacts: Vec<Impact> = log
         .map(|event| {

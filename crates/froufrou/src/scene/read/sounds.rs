@@ -5,8 +5,8 @@ use std::collections::HashSet;
 
 use super::super::asset::{Asset, Folder};
 use super::super::file::{
-    Acoustics, AirSound, Emitter, ImpactSound, Instrument, Material, Played, Reflect, RubSound, Scene,
-    SceneSound, SetKey, StartKey, Timing,
+    Acoustics, AirSound, Emitter, GrainSound, ImpactSound, Instrument, Material, Played, Reflect, RubSound,
+    Scene, SceneSound, SetKey, StartKey, Timing,
 };
 use super::super::toml::{Node, Table};
 use super::{Keys, one_or_many, unknown, with_place};
@@ -20,7 +20,23 @@ pub(super) const MODE: Keys = &["frequency", "decay", "gain", "points"];
 /// Of what nobody says what it weighs, in kilograms a cubic metre: water.
 const DENSITY: f64 = 1000.0;
 
-pub(super) const MATERIAL: Keys = &["impact", "slide", "roll", "air", "reflect", "occlude", "density"];
+pub(super) const MATERIAL: Keys =
+    &["impact", "slide", "roll", "grains", "air", "reflect", "occlude", "density"];
+pub(super) const GRAINS: Keys = &[
+    "corpus",
+    "shader",
+    "gain_db",
+    "reference_impulse",
+    "floor_impulse",
+    "retrigger",
+    "reference_power",
+    "floor_speed",
+    "reference_speed",
+    "pitch",
+    "reference_force",
+    "spread",
+    "reference_distance",
+];
 pub(super) const REFLECT: Keys = &["absorption", "diffuse", "sharpness", "paths", "sides"];
 pub(super) const OCCLUDE: Keys = &["transmission_db"];
 pub(super) const IMPACT: Keys = &[
@@ -262,6 +278,7 @@ pub(super) fn material(
             .transpose()?,
         slide: table.get("slide").map(|node| rub(&node.table(RUB)?, instruments, folder)).transpose()?,
         roll: table.get("roll").map(|node| rub(&node.table(RUB)?, instruments, folder)).transpose()?,
+        grains: table.get("grains").map(|node| grains(&node, folder)).transpose()?,
         air: table.get("air").map(|node| air_sound(&node.table(AIR)?, instruments)).transpose()?,
         acoustics: Acoustics {
             reflect: table.get("reflect").map(|node| reflect(&node)).transpose()?.flatten(),
@@ -375,6 +392,38 @@ fn rub(table: &Table<'_, '_>, instruments: &[Instrument], folder: &Folder) -> Re
             .get("floor_speed")
             .map_or(Ok(0.005), |node| node.not_negative("metres a second"))?,
         reference_distance_m: reference_distance(table)?,
+    })
+}
+
+/// The folder of a corpus, or a table.
+fn grains(node: &Node<'_, '_>, folder: &Folder) -> Result<GrainSound> {
+    let what = "the folder of a corpus";
+    let table = if node.is_table() { Some(node.table(GRAINS)?) } else { None };
+    let named = match &table {
+        Some(table) => table.required("corpus", what)?,
+        None => node.clone(),
+    };
+    let get = |key: &str| table.as_ref().and_then(|table| table.get(key));
+    let positive =
+        |key: &str, default: f64, what: &str| get(key).map_or(Ok(default), |node| node.positive(what));
+    let not_negative =
+        |key: &str, default: f64, what: &str| get(key).map_or(Ok(default), |node| node.not_negative(what));
+    let shader =
+        get("shader").map(|node| with_place(&node, folder.file(&node.text("the name of a script")?)));
+    Ok(GrainSound {
+        corpus: with_place(&named, folder.folder(&named.text(what)?))?,
+        shader: shader.transpose()?,
+        gain_db: table.as_ref().map_or(Ok(0.0), gain_db)?,
+        reference_impulse_ns: positive("reference_impulse", 1.0, "a number of newton seconds")?,
+        floor_impulse_ns: not_negative("floor_impulse", 0.01, "a number of newton seconds")?,
+        retrigger_s: not_negative("retrigger", 0.03, "a number of seconds")?,
+        reference_power_w: positive("reference_power", 10.0, "a number of watts")?,
+        floor_speed_mps: not_negative("floor_speed", 0.005, "metres a second")?,
+        reference_speed_mps: positive("reference_speed", 1.0, "metres a second")?,
+        pitch: get("pitch").map_or(Ok(0.25), |node| node.within("a power", -2.0, 2.0))?,
+        reference_force_n: positive("reference_force", 10.0, "a number of newtons")?,
+        spread: get("spread").map_or(Ok(0.005), |node| node.within("a part of the pitch", 0.0, 0.2))?,
+        reference_distance_m: table.as_ref().map_or(Ok(1.0), reference_distance)?,
     })
 }
 

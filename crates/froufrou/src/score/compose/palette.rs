@@ -2,7 +2,7 @@
 
 use super::super::{Make, Sound};
 use crate::scene::Scene;
-use crate::scene::file::{Instrument, Played};
+use crate::scene::file::{GrainSound, Instrument, Played};
 
 /// The sounds that a scene may play.
 pub(super) fn sounds(scene: &Scene) -> Vec<Sound> {
@@ -13,6 +13,10 @@ pub(super) fn sounds(scene: &Scene) -> Vec<Sound> {
     let played = played.chain(impacts.map(|impact| &impact.played));
     for played in played.chain(rubs.map(|rub| &rub.played)) {
         played_sounds(played, &scene.instruments).for_each(|(base, sound)| palette.add(&base, sound));
+    }
+    for sound in scene.materials.iter().filter_map(|material| material.grains.as_ref()) {
+        let folder = sound.corpus.name.trim_end_matches('/');
+        palette.add(folder.rsplit('/').next().unwrap_or_default(), grains(sound));
     }
     palette.sounds
 }
@@ -53,6 +57,11 @@ pub(super) fn sound_of(played: &Played, index: usize, instruments: &[Instrument]
 /// Whether two sounds are the same but for their names.
 pub(super) fn same(a: &Sound, b: &Sound) -> bool {
     a.make == b.make && a.with == b.with
+}
+
+/// The sound of a material's grains, without its name.
+pub(super) fn grains(sound: &GrainSound) -> Sound {
+    Sound { name: String::new(), make: Make::Grains { corpus: sound.corpus.name.clone() }, with: Vec::new() }
 }
 
 #[derive(Default)]

@@ -12,8 +12,8 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::grid::Vector;
-use super::measured::{Corners, Measured, resample};
-use crate::synth::sinc::half_width;
+use super::measured::{Corners, Measured};
+use crate::synth::sinc::{half_width, resample};
 
 /// Where the bands meet, in hertz.
 const CROSSOVER_HZ: f64 = 4000.0;

@@ -10,7 +10,7 @@ use super::onset::Onsets;
 use super::sofa::{Measurements, read};
 use super::sphere::{SPEED_OF_SOUND_MPS, detour_m};
 use super::{Head, Kind};
-use crate::synth::sinc::Samples;
+use crate::synth::sinc::resample;
 use crate::{Error, Place, Result};
 use rayon::prelude::*;
 
@@ -184,30 +184,6 @@ fn moved(taps: &[f32], delay: f64, length: usize) -> Vec<f64> {
     let mut out = vec![0.0; length];
     resample(taps, -delay, 1.0, &mut out);
     out.into_iter().map(f64::from).collect()
-}
-
-/// Reads a response from a position on at a ratio of rates.
-pub(super) fn resample(samples: &[f32], begin: f64, ratio: f64, out: &mut [f32]) {
-    let positions: Vec<f64> = (0..out.len()).map(|n| begin + n as f64 * ratio).collect();
-    let ratios = vec![ratio; out.len()];
-    pulp::Arch::new().dispatch(Resampling { samples, positions: &positions, ratios: &ratios, out });
-}
-
-struct Resampling<'a> {
-    samples: &'a [f32],
-    positions: &'a [f64],
-    ratios: &'a [f64],
-    out: &'a mut [f32],
-}
-
-impl pulp::WithSimd for Resampling<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, simd: S) {
-        let samples = Samples { samples: self.samples, looped: false };
-        samples.read(simd, self.positions, self.ratios, self.out, &mut Vec::new());
-    }
 }
 
 /// The measurements that are used: of the farthest, one for each direction.

@@ -148,7 +148,7 @@ pub fn contact_spectrum(frequency_hz: f64, contact_s: f64) -> f64 {
 /// ])?;
 /// let mut generator = bell.generator(48_000.0, Random::new(0, 0))?;
 /// let strike = Strike { time_s: 0.001, impulse_ns: 1.0, place: 0.5, contact_s: 0.0 };
-/// let stretch = Stretch { first: 0, rate_hz: 48_000.0, controls: &[], strikes: &[strike] };
+/// let stretch = Stretch { first: 0, rate_hz: 48_000.0, controls: &[], strikes: &[strike], grains: &[] };
 /// let mut out = vec![0.0; stretch_samples(48_000.0)];
 /// generator.generate(&stretch, &mut out)?;
 /// assert!(out[..48].iter().all(|&sample| sample == 0.0) && out[60] != 0.0);

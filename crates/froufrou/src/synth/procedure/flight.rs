@@ -1,12 +1,12 @@
 //! Scripts that say where the members of a swarm are.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
-use rhai::{CallFnOptions, Dynamic, Scope};
+use rhai::Dynamic;
 
-use super::host::{self, Host, Waves};
-use super::{fault, language, limits, numbers};
+use super::numbers;
+use super::script::Script;
 use crate::random::Random;
 use crate::{Error, Result};
 
@@ -19,15 +19,8 @@ const USAGE: &str = "fn place(member, time)";
 /// its own, at every time the same.
 #[derive(Clone)]
 pub struct Flight {
-    program: Arc<Program>,
+    script: Arc<Script>,
     random: Random,
-}
-
-struct Program {
-    file: PathBuf,
-    engine: rhai::Engine,
-    ast: rhai::AST,
-    constants: Vec<(String, Dynamic)>,
 }
 
 impl Flight {
@@ -36,27 +29,12 @@ impl Flight {
     /// # Errors
     /// A file that cannot be read; a script that is wrong, breaks a limit or has no function `place`.
     pub fn open(file: impl AsRef<Path>, random: Random) -> Result<Self> {
-        let file = file.as_ref();
-        let source = super::read_source(file)?;
-        let inside = |error: Error| error.in_file(file);
-        let engine = language::engine();
-        let ast = language::compile(&engine, &source).map_err(inside)?;
-        let fits =
-            |function: rhai::ScriptFnMetadata<'_>| function.name == "place" && function.params.len() == 2;
-        if !ast.iter_functions().any(fits) {
-            return Err(inside(
-                Error::new("the script says nowhere where the members are").help(format!("write `{USAGE}`")),
-            ));
+        let script = Script::open(file.as_ref(), random, |_| {})?;
+        if !script.has("place", 2) {
+            let what = "the script says nowhere where the members are";
+            return Err(Error::new(what).help(format!("write `{USAGE}`")).in_file(script.file()));
         }
-        let mut scope = Scope::new();
-        limits::begin(limits::TOP_OPERATIONS, 0);
-        let host = Host::new(&[], 1.0, random, Waves::default());
-        let (_, run) = host::lend(host, || engine.run_ast_with_scope(&mut scope, &ast));
-        run.map_err(|error| inside(fault::of_running(*error)))?;
-        let constants = scope.iter().filter(|(_, constant, _)| *constant);
-        let constants = constants.map(|(name, _, value)| (name.to_owned(), value)).collect();
-        let flight =
-            Self { program: Arc::new(Program { file: file.to_owned(), engine, ast, constants }), random };
+        let flight = Self { script: Arc::new(script), random };
         flight.position_m(0, 0.0)?;
         Ok(flight)
     }
@@ -66,34 +44,11 @@ impl Flight {
     /// # Errors
     /// A script that fails, breaks a limit or gives something else than three numbers.
     pub fn position_m(&self, member: usize, time_s: f64) -> Result<[f64; 3]> {
-        let Program { file, engine, ast, constants } = self.program.as_ref();
-        // At one sample a second the time of the call is its sample.
-        let mut host = Host::new(&[], 1.0, Random::new(self.random.bits(member as u64), 0), Waves::default());
-        host.building = false;
-        host.at_samples = time_s;
-        host.constants.clone_from(constants);
-        limits::begin(limits::CALL_OPERATIONS, 0);
-        let options = CallFnOptions::new().eval_ast(false);
-        let arguments = (member as i64, time_s);
-        let (_, placed) = host::lend(host, || {
-            engine.call_fn_with_options::<Dynamic>(options, &mut Scope::new(), ast, "place", arguments)
-        });
-        let placed = placed.map_err(|error| {
-            let error = fault::of_running(*error);
-            // What breaks a limit is told without its place.
-            let error = match language::line_of(ast, "place") {
-                Some(place) => error.at(place),
-                None => error,
-            };
-            error.in_file(file)
-        })?;
+        let random = Random::new(self.random.bits(member as u64), 0);
+        let placed = self.script.call("place", (member as i64, time_s), random, time_s)?;
         let wrong = || {
             let error = Error::new(format!("`place` gives {}, not three numbers", placed.type_name()));
-            let error = match language::line_of(ast, "place") {
-                Some(place) => error.at(place),
-                None => error,
-            };
-            error.in_file(file).help("end it with `[x, y, z]`, in metres")
+            self.script.placed("place", error).help("end it with `[x, y, z]`, in metres")
         };
         let list = placed.as_array_ref().map_err(|_| wrong())?;
         let [x, y, z] = list.as_slice() else { return Err(wrong()) };

@@ -35,10 +35,10 @@ pub(super) struct Parameter {
 }
 
 /// What the functions of the language give: a value, or what is wrong.
-pub(super) type Told<T> = Result<T, Box<EvalAltResult>>;
+pub(crate) type Told<T> = Result<T, Box<EvalAltResult>>;
 
 /// A fault that the engine completes with the place of the call.
-pub(super) fn wrong<T>(what: impl Into<String>) -> Told<T> {
+pub(crate) fn wrong<T>(what: impl Into<String>) -> Told<T> {
     let what: String = what.into();
     Err(EvalAltResult::ErrorRuntime(what.into(), Position::NONE).into())
 }

@@ -18,7 +18,7 @@
 //! let procedure = Procedure::new("tone.rhai", script, &[("pitch".to_owned(), 500.0)])?;
 //! let mut voice = procedure.generator(48_000.0, Random::new(7, 1))?;
 //! let mut samples = [0.0; 96];
-//! let stretch = Stretch { first: 0, rate_hz: 48_000.0, controls: &[Ramp::still(500.0)], strikes: &[] };
+//! let stretch = Stretch { first: 0, rate_hz: 48_000.0, controls: &[Ramp::still(500.0)], strikes: &[], grains: &[] };
 //! voice.generate(&stretch, &mut samples)?;
 //! # Ok::<(), froufrou::Error>(())
 //! ```
@@ -30,6 +30,7 @@ mod host;
 mod language;
 mod limits;
 mod numbers;
+pub(crate) mod script;
 mod unit;
 mod voice;
 mod wave;
@@ -155,7 +156,7 @@ impl Procedure {
         for number in 0..2 {
             let strikes = if number == 0 { &strikes[..] } else { &[] };
             let first = number * samples as u64;
-            let stretch = Stretch { first, rate_hz: TRIAL_HZ, controls: &ramps, strikes };
+            let stretch = Stretch { first, rate_hz: TRIAL_HZ, controls: &ramps, strikes, grains: &[] };
             voice.generate(&stretch, &mut vec![0.0; samples])?;
         }
         let printed = voice.host().map(|host| host.printed.clone()).unwrap_or_default();

@@ -14,7 +14,7 @@ pub(super) fn register(engine: &mut Engine) {
 }
 
 /// A whole or broken number, if it is one and finite.
-pub(super) fn number(value: &Dynamic) -> Told<f64> {
+pub(crate) fn number(value: &Dynamic) -> Told<f64> {
     let number = match (value.as_float(), value.as_int()) {
         (Ok(float), _) => float,
         (_, Ok(int)) => int as f64,

@@ -38,7 +38,8 @@ fn render_with(
             .collect();
         let due: Vec<Strike> =
             strikes.iter().filter(|strike| (from..to).contains(&strike.time_s)).copied().collect();
-        voice.generate(&Stretch { first, rate_hz, controls: &ramps, strikes: &due }, &mut out)?;
+        voice
+            .generate(&Stretch { first, rate_hz, controls: &ramps, strikes: &due, grains: &[] }, &mut out)?;
         samples.extend(out.iter().map(|&sample| f64::from(sample)));
     }
     Ok(samples)

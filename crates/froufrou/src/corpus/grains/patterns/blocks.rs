@@ -50,14 +50,25 @@ struct Room {
     scratch: Vec<Complex<f32>>,
 }
 
-pub(super) fn pattern(matching: &Matching, grains: &[&[f32]], rate_hz: u32, recording: &[f32]) -> Vec<Peak> {
+/// The size of the blocks in which a grain is matched with a recording, both lengths in samples.
+fn block(length: usize, recording: usize) -> usize {
+    (BLOCK * length).min(recording + length + 2).next_power_of_two().max(FINEST)
+}
+
+/// Grains of different groups are never correlated at once, and blocks do not depend on which grains there are. So what
+/// is found of a grain depends on its group alone, to the last bit.
+pub(super) fn pattern(
+    matching: &Matching,
+    grains: &[&[f32]],
+    groups: &[usize],
+    rate_hz: u32,
+    recording: &[f32],
+) -> Vec<Peak> {
     let energies = Energies::new(recording);
     let spacing = (matching.spacing_s * f64::from(rate_hz)).round() as usize;
     let mut classes: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (number, grain) in grains.iter().enumerate().filter(|(_, grain)| grain.len() <= recording.len()) {
-        let wanted = (BLOCK * grain.len()).min(recording.len() + grain.len() + 2);
-        let size = wanted.next_power_of_two().max(FINEST);
-        classes.entry(size).or_default().push(number);
+        classes.entry(block(grain.len(), recording.len())).or_default().push(number);
     }
     // The highest energy over a length is asked once a length.
     let mut lengths: Vec<usize> = classes.values().flatten().map(|&number| grains[number].len()).collect();
@@ -69,15 +80,18 @@ pub(super) fn pattern(matching: &Matching, grains: &[&[f32]], rate_hz: u32, reco
     let mut planner = FftPlanner::new();
     let mut peaks: Vec<Peak> = Vec::new();
     for (size, mut numbers) in classes {
-        numbers.sort_by_key(|&number| (grains[number].len(), number));
-        let longest = numbers.last().map_or(1, |&number| grains[number].len());
+        let group = |number: usize| groups.get(number).copied().unwrap_or(0);
+        numbers.sort_by_key(|&number| (group(number), grains[number].len(), number));
+        let longest = longest(size, recording.len());
         let track = |&number: &usize| {
             let length = grains[number].len();
             let picker = Picker::new(matching.peaks_per_grain, matching.least_correlation, spacing);
             Track { number, length, floor: floors[&length], picker }
         };
-        let pairs =
-            numbers.chunks(2).map(|two| Pair { grains: [two.first().map(track), two.get(1).map(track)] });
+        let pairs = numbers
+            .chunk_by(|&a, &b| group(a) == group(b))
+            .flat_map(|numbers| numbers.chunks(2))
+            .map(|two| Pair { grains: [two.first().map(track), two.get(1).map(track)] });
         let class = Class {
             recording,
             grains,
@@ -92,6 +106,16 @@ pub(super) fn pattern(matching: &Matching, grains: &[&[f32]], rate_hz: u32, reco
     }
     peaks.sort_by_key(|peak| peak.grain);
     peaks
+}
+
+/// The longest grain that is matched in blocks of a size.
+fn longest(size: usize, recording: usize) -> usize {
+    let (mut fits, mut too_long) = (1, recording + 1);
+    while too_long - fits > 1 {
+        let length = fits + (too_long - fits) / 2;
+        if block(length, recording) <= size { fits = length } else { too_long = length }
+    }
+    fits
 }
 
 /// All grains that share a size of block.

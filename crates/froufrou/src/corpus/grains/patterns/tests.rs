@@ -238,3 +238,24 @@ proptest! {
         check(&matching, &grains, &recording);
     }
 }
+
+#[test]
+fn what_is_found_of_a_grain_depends_on_its_group_alone() {
+    let recording = noise(31, 9000);
+    let pieces: Vec<Vec<f32>> = (0..9).map(|i| noise(40 + i, 300 + 131 * i as usize)).collect();
+    let matching = Matching { least_correlation: 0.0, ..Matching::default() };
+    let found = |numbers: &[usize]| -> Vec<(usize, Peak)> {
+        let grains = numbers.iter().map(|&n| &*pieces[n]).collect();
+        let groups = numbers.iter().map(|n| n / 3).collect();
+        let matcher = Matcher::new(matching.clone(), grains, 44_100).unwrap().grouped(groups);
+        let peaks = matcher.pattern(&recording).unwrap();
+        peaks.into_iter().map(|peak| (numbers[peak.grain as usize], Peak { grain: 0, ..peak })).collect()
+    };
+    let all = found(&[0, 1, 2, 3, 4, 5, 6, 7, 8]);
+    assert!(all.len() > 30);
+    for group in 0..3 {
+        let alone = found(&[3 * group, 3 * group + 1, 3 * group + 2]);
+        let within: Vec<_> = all.iter().filter(|(number, _)| number / 3 == group).copied().collect();
+        assert_eq!(alone, within);
+    }
+}

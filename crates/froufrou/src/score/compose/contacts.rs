@@ -1,0 +1,287 @@
+//! Contacts of bodies: what sounds at an impact, and while bodies slide or roll along each other.
+
+use std::cmp::Reverse;
+use std::collections::VecDeque;
+
+use super::voice::{Place, Voice};
+use super::{Composer, Due, Group, What, from_db, tidy};
+use crate::Result;
+use crate::motion::event::{Cause, Event, Impact, Rub};
+use crate::random::Random;
+use crate::scene::file::{ImpactSound, Material, Played, RubSound};
+use crate::scene::world::{Carrier, body_named};
+use crate::score::{Action, Blow, Start};
+
+/// Two bodies that slide or roll and are not told to any more have stopped after so long.
+pub(super) const RUB_GAP_S: f64 = 0.03;
+
+/// So many pairs of bodies are never too many to remember.
+pub(super) const LEAST_QUIET: usize = 256;
+
+/// Keeps the places of strikes apart from other random numbers of the same seed.
+const STRIKES: u64 = 0x57a1_0000_0000_0000;
+
+/// How two bodies rub along each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) enum Rubbing {
+    Slide,
+    Roll,
+}
+
+impl Rubbing {
+    pub fn verb(self) -> &'static str {
+        match self {
+            Rubbing::Slide => "slides",
+            Rubbing::Roll => "rolls",
+        }
+    }
+
+    /// What a material sounds like then.
+    pub fn sound(self, material: &Material) -> Option<&RubSound> {
+        match self {
+            Rubbing::Slide => material.slide.as_ref(),
+            Rubbing::Roll => material.roll.as_ref(),
+        }
+    }
+}
+
+impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
+    /// The object that a body is, which is one or none: logs have names of their own, what is told by motion alone
+    /// has those of the world.
+    fn object_of(&self, body: &str, cause: &Cause) -> Option<usize> {
+        let of_log = || self.scene.objects.iter().position(|object| object.body.matches(body));
+        let of_world =
+            || self.world.objects.iter().position(|bodies| bodies.iter().any(|other| other.name == body));
+        match cause {
+            Cause::Log(_) => of_log(),
+            Cause::Motion(_) => of_world().or_else(of_log),
+        }
+    }
+
+    /// Lets both bodies of an impact sound, as their materials have it.
+    pub(super) fn strike(&mut self, impact: &Impact) -> Result<()> {
+        if impact.time_s < 0.0 {
+            return Ok(());
+        }
+        for (body, other) in [(&impact.a, &impact.b), (&impact.b, &impact.a)] {
+            let Some(index) = self.object_of(body, &impact.cause) else { continue };
+            let material = self.scene.objects[index].material.and_then(|m| self.scene.materials.get(m));
+            let Some(material) = material else { continue };
+            // A sound of its own comes before the grains of the material.
+            let (floor_ns, retrigger_s) = match (&material.impact, &material.grains) {
+                (Some(sound), _) => (sound.floor_impulse_ns, sound.retrigger_s),
+                (None, Some(grains)) => (grains.floor_impulse_ns, grains.retrigger_s),
+                (None, None) => continue,
+            };
+            let pair = (body.clone(), other.clone(), index);
+            let quiet = self.quiet_until_s.get(&pair).is_some_and(|&until_s| impact.time_s < until_s);
+            if impact.impulse_ns < floor_ns || quiet {
+                continue;
+            }
+            if self.quiet_until_s.len() >= self.most_quiet {
+                self.quiet_until_s.retain(|_, &mut until_s| until_s > impact.time_s);
+                self.most_quiet = LEAST_QUIET.max(2 * self.quiet_until_s.len());
+            }
+            self.quiet_until_s.insert(pair, impact.time_s + retrigger_s);
+            match (&material.impact, &material.grains) {
+                (Some(sound), _) => self.strike_one(impact, body, other, index, sound)?,
+                (None, Some(grains)) => self.strike_grains(impact, body, other, index, grains)?,
+                (None, None) => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// What carries a body of a log, and the name of its stem.
+    pub(super) fn carried(
+        &self,
+        index: usize,
+        body: &str,
+        position_m: [f64; 3],
+        time_s: f64,
+    ) -> Result<(Carrier, String)> {
+        let bodies = &self.world.objects[index];
+        let named = body_named(bodies, &self.scene.objects[index].name, body).or(bodies.first());
+        let carrier = match named.and_then(|b| b.carrier.as_ref()) {
+            Some(carrier) => carrier.holding(position_m, time_s)?,
+            None => Carrier::still(position_m),
+        };
+        let object = named
+            .filter(|_| bodies.len() > 1)
+            .map_or_else(|| self.scene.objects[index].name.clone(), |b| b.name.clone());
+        Ok((carrier, object))
+    }
+
+    fn strike_one(
+        &mut self,
+        impact: &Impact,
+        body: &str,
+        other: &str,
+        index: usize,
+        sound: &ImpactSound,
+    ) -> Result<()> {
+        let time_s = impact.time_s;
+        let (name, speed) = self.pick(Group::Impact(index), &sound.played, sound.speed_variation)?;
+        let facts = self.facts.get(&name);
+        let ring_s = facts.and_then(|facts| facts.ring_s);
+        let struck = matches!(sound.played, Played::Instrument(_));
+        let count = self.picks.get(&Group::Impact(index)).map_or(0, |picks| picks.count);
+        let [from, to] = sound.place;
+        let place = from + (to - from) * Random::new(self.scene.seed, STRIKES + index as u64).uniform(count);
+        let blow = Blow { impulse_ns: impact.impulse_ns, place: tidy(place), contact_s: sound.contact_s };
+        let ringing = (index, body.to_owned());
+        if struck && let Some(ring_s) = ring_s {
+            // What still rings is struck again.
+            if let Some(&id) = self.ringing.get(&ringing)
+                && let Some(voice) = self.voices.get_mut(&id)
+            {
+                voice.end_s = voice.end_s.max(time_s + ring_s);
+                voice.cues.push_back((time_s, Action::Strike(blow)));
+                self.due.push(Reverse(Due { time_s, what: What::Cue, id }));
+                return Ok(());
+            }
+        }
+        let length_s =
+            if struck { ring_s.unwrap_or(0.0) } else { facts.map_or(0.0, |facts| facts.length_s) / speed };
+        let (carrier, object) = self.carried(index, body, impact.position_m, time_s)?;
+        // Pressure is proportional to impulse; an instrument is so by itself.
+        let level = if struck { 1.0 } else { impact.impulse_ns } / sound.reference_impulse_ns;
+        let gain = from_db(sound.gain_db) * level * sound.reference_distance_m;
+        let cause = format!("{body} struck by {other}, {:.4} N s, {}", impact.impulse_ns, impact.cause);
+        let start = Start { speed, object, cause, ..Start::new(name) };
+        let cues = if struck { VecDeque::from([(time_s, Action::Strike(blow))]) } else { VecDeque::new() };
+        let id = self.begin(
+            time_s,
+            Voice {
+                start: Some(start),
+                place: Place::Carrier(carrier),
+                turns: false,
+                gain: vec![(time_s, gain)],
+                end_s: time_s + length_s,
+                passed_s: time_s,
+                due_s: time_s,
+                cues,
+                speed: None,
+            },
+        );
+        if struck {
+            let voices = &self.voices;
+            self.ringing.retain(|_, id| voices.contains_key(id));
+            self.ringing.insert(ringing, id);
+        }
+        Ok(())
+    }
+
+    /// Lets both bodies sound that slide or roll along each other, as their materials have it.
+    pub(super) fn rub(&mut self, rub: &Rub, how: Rubbing) -> Result<()> {
+        if rub.time_s < 0.0 {
+            return Ok(());
+        }
+        for (body, other) in [(&rub.a, &rub.b), (&rub.b, &rub.a)] {
+            let Some(index) = self.object_of(body, &rub.cause) else { continue };
+            let material = self.scene.objects[index].material.and_then(|m| self.scene.materials.get(m));
+            let Some(material) = material else { continue };
+            match (how.sound(material), &material.grains) {
+                (Some(sound), _) if rub.speed_mps >= sound.floor_speed_mps => {
+                    self.rub_one(rub, how, body, other, index, sound)?;
+                }
+                (None, Some(grains)) if rub.speed_mps >= grains.floor_speed_mps => {
+                    self.rub_grains(rub, how, body, other, index, grains)?;
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn rub_one(
+        &mut self,
+        rub: &Rub,
+        how: Rubbing,
+        body: &str,
+        other: &str,
+        index: usize,
+        sound: &RubSound,
+    ) -> Result<()> {
+        let gain =
+            from_db(sound.gain_db) * rub.force_n / sound.reference_force_n * sound.reference_distance_m;
+        let id = match self.rubs_already(body, other, index, how) {
+            Some(id) => id,
+            None => {
+                let (name, _) = self.pick(Group::Rub(how, index), &sound.played, 0.0)?;
+                self.begin_rub(rub, how, body, other, index, name)?
+            }
+        };
+        let name = self.name_of(&sound.played, 0);
+        let controls = name.and_then(|name| self.facts.get(&name)).map(|facts| facts.controls.as_slice());
+        let has =
+            |control: &str| controls.is_some_and(|controls| controls.iter().any(|name| name == control));
+        let told = [("speed", rub.speed_mps), ("force", rub.force_n)].into_iter();
+        let told: Vec<(String, f64)> =
+            told.filter(|(name, _)| has(name)).map(|(name, value)| (name.to_owned(), tidy(value))).collect();
+        let told = if told.is_empty() { Vec::new() } else { vec![(rub.time_s, Action::Set(told))] };
+        self.go_on(id, rub, gain, told);
+        Ok(())
+    }
+
+    /// The thread of two bodies that rub along each other already.
+    pub(super) fn rubs_already(&self, body: &str, other: &str, index: usize, how: Rubbing) -> Option<u64> {
+        let pair = (body.to_owned(), other.to_owned(), index, how);
+        self.rubbing.get(&pair).copied().filter(|id| self.voices.contains_key(id))
+    }
+
+    /// Begins the thread of two bodies that begin to rub along each other; what it sounds like is still to be told.
+    pub(super) fn begin_rub(
+        &mut self,
+        rub: &Rub,
+        how: Rubbing,
+        body: &str,
+        other: &str,
+        index: usize,
+        sound: String,
+    ) -> Result<u64> {
+        let time_s = rub.time_s;
+        let (_, object) = self.carried(index, body, rub.position_m, time_s)?;
+        let cause = format!("{body} {} along {other}, {}", how.verb(), rub.cause);
+        let start = Start { object, cause, ..Start::new(sound) };
+        let voice = Voice {
+            start: Some(start),
+            place: Place::Carrier(Carrier::still(rub.position_m)),
+            turns: false,
+            gain: Vec::new(),
+            end_s: time_s,
+            passed_s: time_s,
+            due_s: time_s,
+            cues: VecDeque::new(),
+            speed: None,
+        };
+        let voices = &self.voices;
+        self.rubbing.retain(|_, id| voices.contains_key(id));
+        self.streams.retain(|id, _| voices.contains_key(id));
+        let id = self.begin(time_s, voice);
+        self.rubbing.insert((body.to_owned(), other.to_owned(), index, how), id);
+        Ok(id)
+    }
+
+    /// Tells a thread of two bodies that rub along each other of a moment.
+    pub(super) fn go_on(&mut self, id: u64, rub: &Rub, gain: f64, told: Vec<(f64, Action)>) {
+        let time_s = rub.time_s;
+        let end_s = time_s + RUB_GAP_S + rub.lasts_s;
+        let Some(voice) = self.voices.get_mut(&id) else { return };
+        voice.place = Place::Carrier(Carrier::still(rub.position_m));
+        // It dies away where it is told nothing more.
+        voice.gain = vec![(time_s, gain), (end_s, 0.0)];
+        voice.end_s = end_s;
+        // Two logs may tell of one pair at one time.
+        if voice.start.is_some() || voice.passed_s < time_s {
+            voice.due_s = time_s;
+            self.due.push(Reverse(Due { time_s, what: What::Line, id }));
+        }
+        if let Some(&(cue_s, _)) = told.first() {
+            if voice.cues.is_empty() {
+                self.due.push(Reverse(Due { time_s: cue_s.max(time_s), what: What::Cue, id }));
+            }
+            voice.cues.extend(told);
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! The life of contacts in a simulated scene: a ball that rolls down a ramp and hits a stack of bricks, a block that
+//! slides, a coin that spins down. What is found is held against the poses, and thinned logs against the whole one.
+
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use froufrou::motion::Event;
+use froufrou::motion::event::{Impact, Rub};
+use froufrou::scene::Scene;
+use froufrou::scene::world::World;
+use froufrou::score::compose::Events;
+
+/// The folder of test data, which is not part of the repository.
+fn data() -> Option<PathBuf> {
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let folder = std::env::var_os("FROUFROU_DATA").map_or_else(beside, Into::into).join("contacts");
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    eprintln!("SKIPPED: no test data at {} (set FROUFROU_DATA)", folder.display());
+    None
+}
+
+fn text_of(path: &Path) -> String {
+    let mut text = String::new();
+    let file = std::fs::File::open(path).expect("a log");
+    flate2::read::MultiGzDecoder::new(file).read_to_string(&mut text).expect("text");
+    text
+}
+
+/// The log and its poses with every n-th step alone.
+fn thin(text: &str, every: u64) -> String {
+    let step = |line: &str| line.split(',').next().and_then(|t| t.parse::<f64>().ok());
+    let kept = |line: &&str| {
+        step(line).is_none_or(|t| ((t * 1000.0).round() as u64).wrapping_sub(1).is_multiple_of(every))
+    };
+    text.lines().filter(kept).map(|line| format!("{line}\n")).collect()
+}
+
+const SCENE: &str = r#"
+[[object]]
+name = "bodies"
+body = "*"
+source = "poses.csv#*"
+up = "z"
+
+[[contacts]]
+log = "contacts.csv"
+up = "z"
+
+[contacts.columns]
+t = "t"
+a = "bodyA"
+b = "bodyB"
+position = ["px", "py", "pz"]
+normal = ["nx", "ny", "nz"]
+normal_force = "Fn"
+normal_velocity = "vrel_n"
+sliding_velocity = ["vrel_t1", "vrel_t2"]
+"#;
+
+/// What happens in the scene with every n-th step of its logs.
+fn events(data: &Path, every: u64, scene: &str) -> Vec<Event> {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, log) in [("contacts", "contacts"), ("poses", "poses")] {
+        let text = text_of(&data.join(format!("pybullet_mixed_1kHz_{log}.csv.gz")));
+        std::fs::write(folder.path().join(format!("{name}.csv")), thin(&text, every)).expect("a log");
+    }
+    let scene = Scene::parse(scene, folder.path().join("s.toml"), false).expect("a scene");
+    let world = World::open(&scene).expect("a world");
+    let events: Vec<Event> =
+        Events::open(&scene, &world).expect("logs").map(|e| e.expect("an event")).collect();
+    assert!(events.is_sorted_by(|a, b| a.time_s() <= b.time_s()));
+    events
+}
+
+/// Time and velocity of each pose of a body; Z up.
+fn velocities(data: &Path, body: &str) -> Vec<(f64, [f64; 3])> {
+    let text = text_of(&data.join("pybullet_mixed_1kHz_poses.csv.gz"));
+    let fields = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let number = |field: &str| field.parse::<f64>().expect("a number");
+    fields.filter(|f| f[1] == body).map(|f| (number(f[0]), [9, 10, 11].map(|i| number(f[i])))).collect()
+}
+
+fn speed_at(velocities: &[(f64, [f64; 3])], time_s: f64) -> f64 {
+    let near = velocities.iter().min_by(|a, b| (a.0 - time_s).abs().total_cmp(&(b.0 - time_s).abs()));
+    near.map_or(0.0, |(_, v)| v.iter().map(|c| c * c).sum::<f64>().sqrt())
+}
+
+type Rubs<'e> = BTreeMap<(&'e str, &'e str), Vec<(bool, &'e Rub)>>;
+
+/// The moments of each pair; true where they roll.
+fn rubs(events: &[Event]) -> Rubs<'_> {
+    let mut found = Rubs::new();
+    for event in events {
+        let (rolls, rub) = match event {
+            Event::Impact(_) => continue,
+            Event::Slide(rub) => (false, rub),
+            Event::Roll(rub) => (true, rub),
+        };
+        found.entry((&rub.a, &rub.b)).or_default().push((rolls, rub));
+    }
+    found
+}
+
+fn impacts(events: &[Event]) -> Vec<&Impact> {
+    events.iter().filter_map(|e| if let Event::Impact(impact) = e { Some(impact) } else { None }).collect()
+}
+
+#[test]
+fn a_ball_rolls_a_block_slides_and_bricks_rest() {
+    let Some(data) = data() else { return };
+    let events = events(&data, 1, SCENE);
+    let rubs = rubs(&events);
+    for (pair, moments) in &rubs {
+        let rolls = moments.iter().filter(|(rolls, _)| *rolls).count();
+        let (first, last) = (moments[0].1.time_s, moments[moments.len() - 1].1.time_s);
+        println!("{pair:?}: {} moments, {rolls} roll, {first:.3} to {last:.3} s", moments.len());
+    }
+    for impact in impacts(&events) {
+        println!("{impact:?}");
+    }
+    let ball = velocities(&data, "ball");
+    let block = velocities(&data, "block_slide");
+    // Down the ramp, from 0.2 s on, until it drops off its end at 1.4 s.
+    for (pair, from_s, to_s) in [(("ball", "ramp"), 0.2, 1.4), (("ball", "ground"), 1.57, 1.9)] {
+        let moments: Vec<_> =
+            rubs[&pair].iter().filter(|(_, rub)| (from_s..to_s).contains(&rub.time_s)).collect();
+        let rolls = moments.iter().filter(|(rolls, _)| *rolls).count();
+        assert!(rolls as f64 >= 0.95 * (to_s - from_s) / 0.01, "{pair:?}: {rolls} of {}", moments.len());
+        for (rolls, rub) in moments {
+            let speed = speed_at(&ball, rub.time_s);
+            assert!(!rolls || (rub.speed_mps / speed - 1.0).abs() < 0.05, "{rub:?} {speed}");
+            // Its own surface is 6 cm away from its centre.
+            let on = rub.on_m.expect("poses")[0];
+            assert!((on.iter().map(|c| c * c).sum::<f64>().sqrt() - 0.06).abs() < 0.02, "{on:?}");
+        }
+    }
+    let slides: Vec<_> =
+        rubs[&("block_slide", "ramp")].iter().filter(|(_, rub)| (0.3..1.2).contains(&rub.time_s)).collect();
+    assert_eq!(slides.len(), 90);
+    for (rolls, rub) in slides {
+        let speed = speed_at(&block, rub.time_s);
+        assert!(!rolls && (rub.speed_mps / speed - 1.0).abs() < 0.03, "{rub:?} {speed}");
+        // m g cos α.
+        assert!((rub.force_n - 9.37).abs() < 0.5, "{rub:?}");
+    }
+}
