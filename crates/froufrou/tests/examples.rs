@@ -79,7 +79,7 @@ fn the_log_of_the_physics_engine_holds_what_the_readme_says() {
     let at = |a: &str, b: &str| -> Vec<f64> {
         let of = |event: &Event| match event {
             Event::Impact(i) => (i.a.starts_with(a) && i.b.starts_with(b)).then_some(i.time_s),
-            Event::Slide(_) => None,
+            Event::Slide(_) | Event::Roll(_) => None,
         };
         events.iter().filter_map(of).collect()
     };

@@ -21,6 +21,8 @@ pub struct EventFindings {
     impulses_ns: Option<Range>,
     /// How fast bodies slide along each other.
     slides_mps: Option<Range>,
+    /// How fast they roll.
+    rolls_mps: Option<Range>,
     /// Greatest count first.
     pairs: Vec<Pair>,
 }
@@ -42,6 +44,7 @@ pub fn read(file: &Path) -> Result<EventFindings> {
         times_s: None,
         impulses_ns: None,
         slides_mps: None,
+        rolls_mps: None,
         pairs: Vec::new(),
     };
     let mut pairs: BTreeMap<(String, String), (u64, Option<Range>)> = BTreeMap::new();
@@ -61,6 +64,11 @@ pub fn read(file: &Path) -> Result<EventFindings> {
                 *found.kinds.entry("moment of sliding").or_default() += 1;
                 Range::widen(&mut found.slides_mps, slide.speed_mps);
                 pairs.entry((slide.a, slide.b)).or_default().0 += 1;
+            }
+            Event::Roll(roll) => {
+                *found.kinds.entry("moment of rolling").or_default() += 1;
+                Range::widen(&mut found.rolls_mps, roll.speed_mps);
+                pairs.entry((roll.a, roll.b)).or_default().0 += 1;
             }
         }
     }
@@ -84,6 +92,7 @@ impl Findings for EventFindings {
             .fact_if("times", self.times_s.as_ref().map(|r| format!("{} s", range(r))))
             .fact_if("impulses", self.impulses_ns.as_ref().map(|r| format!("{} N s", range(r))))
             .fact_if("sliding", self.slides_mps.as_ref().map(|r| format!("{} m/s", range(r))))
+            .fact_if("rolling", self.rolls_mps.as_ref().map(|r| format!("{} m/s", range(r))))
             .fact("pairs", self.pairs.len());
         let rows = self.pairs.iter().map(|pair| {
             let impulses = pair.impulses_ns.as_ref().map(range).unwrap_or_default();

@@ -97,6 +97,7 @@ struct MaterialFindings {
     name: String,
     impact: Option<PlayedFindings>,
     slide: Option<PlayedFindings>,
+    roll: Option<PlayedFindings>,
     air: Option<PlayedFindings>,
 }
 
@@ -238,6 +239,7 @@ pub fn read(file: &Path, allow_outside: bool) -> Result<SceneFindings> {
                 name: material.name.clone(),
                 impact: material.impact.as_ref().map(|i| PlayedFindings::of(&i.played, &scene)),
                 slide: material.slide.as_ref().map(|s| PlayedFindings::of(&s.played, &scene)),
+                roll: material.roll.as_ref().map(|s| PlayedFindings::of(&s.played, &scene)),
                 air: material.air.as_ref().map(|a| PlayedFindings::of(&a.played, &scene)),
             })
             .collect(),
@@ -300,10 +302,10 @@ impl Findings for SceneFindings {
             played.as_ref().map_or_else(|| "–".to_owned(), PlayedFindings::told)
         };
         sheet.table(
-            &["material", "impact", "slide", "air"],
+            &["material", "impact", "slide", "roll", "air"],
             self.materials
                 .iter()
-                .map(|m| vec![m.name.clone(), told(&m.impact), told(&m.slide), told(&m.air)]),
+                .map(|m| vec![m.name.clone(), told(&m.impact), told(&m.slide), told(&m.roll), told(&m.air)]),
         );
         sheet.table(
             &["sound of", "plays", "repeats", "gain (dB)", "starts", "from (s)", "to (s)"],

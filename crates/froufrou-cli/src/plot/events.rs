@@ -83,7 +83,7 @@ pub fn draw(file: &Path, title: &str, asked: Span, size: PictureSize) -> Result<
         let height =
             if impact.impulse_ns > 0.0 { impulse.place(impact.impulse_ns).clamp(0.0, 1.0) } else { 0.0 };
         let y = area.bottom - height * area.height();
-        if impact.slides {
+        if impact.rubs {
             sheet.canvas.disc([x, y], (2.0 * sheet.unit_px).max(1.2), colour, 0.5);
             return;
         }
@@ -114,8 +114,8 @@ struct Mark {
     time_s: f64,
     pair: (String, String),
     impulse_ns: f64,
-    /// It is a moment of sliding, of which there are many.
-    slides: bool,
+    /// It is a moment of sliding or rolling, of which there are many.
+    rubs: bool,
 }
 
 fn read(file: &Path, mut each: impl FnMut(Mark)) -> Result<()> {
@@ -126,14 +126,14 @@ fn read(file: &Path, mut each: impl FnMut(Mark)) -> Result<()> {
                 time_s: impact.time_s,
                 pair: (impact.a, impact.b),
                 impulse_ns: impact.impulse_ns,
-                slides: false,
+                rubs: false,
             },
-            // A moment of sliding has the impulse of its force.
-            Event::Slide(slide) => Mark {
-                time_s: slide.time_s,
-                pair: (slide.a, slide.b),
-                impulse_ns: slide.force_n * slide.lasts_s,
-                slides: true,
+            // A moment of sliding or rolling has the impulse of its force.
+            Event::Slide(rub) | Event::Roll(rub) => Mark {
+                time_s: rub.time_s,
+                pair: (rub.a, rub.b),
+                impulse_ns: rub.force_n * rub.lasts_s,
+                rubs: true,
             },
         });
     }

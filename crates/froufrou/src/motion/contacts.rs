@@ -1,6 +1,6 @@
 //! What happens in a contact log: its impacts and slides, in order of time.
 
-use super::event::{Cause, Event, Impact, Slide};
+use super::event::{Cause, Event, Impact, LogRows, Rub};
 use super::impact::{Analyser, Blow, Settings, Step};
 use super::slide;
 use crate::scene::contact_log::{ContactLog, step_of_times};
@@ -59,7 +59,7 @@ impl LogEvents {
     }
 
     fn cause(&self, [first_line, last_line]: [u64; 2]) -> Cause {
-        Cause { log: self.name.clone(), first_line, last_line }
+        Cause::Log(LogRows { log: self.name.clone(), first_line, last_line })
     }
 
     fn impact(&self, blow: Blow) -> Event {
@@ -69,21 +69,24 @@ impl LogEvents {
             a,
             b,
             position_m: blow.position_m,
+            on_m: None,
             impulse_ns: blow.impulse_ns,
             normal: blow.normal.map(|n| n.map(|c| c * sign)),
             speed_mps: blow.speed_mps,
+            tangential_mps: None,
             cause: self.cause(blow.lines),
         })
     }
 
     fn slide(&self, found: slide::Sliding) -> Event {
         let (a, b, _) = self.names(found.bodies);
-        Event::Slide(Slide {
+        Event::Slide(Rub {
             time_s: found.time_s,
             lasts_s: found.lasts_s,
             a,
             b,
             position_m: found.position_m,
+            on_m: None,
             speed_mps: found.speed_mps,
             force_n: found.force_n,
             cause: self.cause(found.lines),

@@ -1,5 +1,6 @@
 //! What an analyser finds, and the file of it: `events.jsonl`, one JSON object a line.
 
+use std::fmt;
 use std::io::{BufRead, Write};
 use std::path::{Path, PathBuf};
 
@@ -17,14 +18,16 @@ pub enum Event {
     /// Two bodies hit each other.
     Impact(Impact),
     /// Two bodies slide along each other for a moment.
-    Slide(Slide),
+    Slide(Rub),
+    /// One body rolls along the other for a moment.
+    Roll(Rub),
 }
 
-/// Two bodies slide along each other for a moment. What goes on for longer is one such event after
+/// Two bodies slide or roll along each other for a moment. What goes on for longer is one such event after
 /// the other.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Slide {
+pub struct Rub {
     /// The middle of the moment, in seconds.
     pub time_s: f64,
     /// How long it is, in seconds.
@@ -35,7 +38,11 @@ pub struct Slide {
     pub b: String,
     /// Where they touch, in metres.
     pub position_m: [f64; 3],
-    /// How fast they slide along each other, in metres a second.
+    /// Where that is on `a` and on `b`, each in the frame of the body, in metres; where their poses are known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub on_m: Option<[[f64; 3]; 2]>,
+    /// In metres a second: of a slide the speed of their surfaces along each other, of a roll the speed at which
+    /// the place where they touch moves along both.
     pub speed_mps: f64,
     /// How hard they press against each other, in newtons.
     pub force_n: f64,
@@ -55,6 +62,9 @@ pub struct Impact {
     pub b: String,
     /// Where, in metres.
     pub position_m: [f64; 3],
+    /// Where that is on `a` and on `b`, each in the frame of the body, in metres; where their poses are known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub on_m: Option<[[f64; 3]; 2]>,
     /// The impulse they exchanged beyond that of their resting on each other, in newton seconds.
     pub impulse_ns: f64,
     /// The mean contact normal, of length 1, with the sign that the log gives it for a row that
@@ -64,14 +74,40 @@ pub struct Impact {
     /// The greatest relative speed along the normal in metres a second; where the log has it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub speed_mps: Option<f64>,
+    /// The relative speed across the normal at that moment, in metres a second; where it is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tangential_mps: Option<f64>,
     /// What it was told by.
     pub cause: Cause,
+}
+
+/// What tells of an event.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "the `log` with its `first_line` and `last_line`, or the motion `from_s` and `to_s`"
+)]
+pub enum Cause {
+    /// Rows of a contact log.
+    Log(LogRows),
+    /// How the bodies move.
+    Motion(Moved),
+}
+
+/// The time in which the motion of two bodies tells of an event.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Moved {
+    /// The time of the last frame before it, in seconds.
+    pub from_s: f64,
+    /// The time of the first frame after it, in seconds.
+    pub to_s: f64,
 }
 
 /// The rows of a contact log that tell of an event.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Cause {
+pub struct LogRows {
     /// The log as the scene names it.
     pub log: String,
     /// The first line, from 1.
@@ -80,12 +116,33 @@ pub struct Cause {
     pub last_line: u64,
 }
 
+impl fmt::Display for Cause {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Cause::Log(LogRows { log, first_line, last_line }) => {
+                write!(to, "{log}:{first_line}-{last_line}")
+            }
+            Cause::Motion(Moved { from_s, to_s }) => write!(to, "motion from {from_s:.4} to {to_s:.4} s"),
+        }
+    }
+}
+
+impl Cause {
+    fn numbers(&self) -> impl Iterator<Item = f64> {
+        let times = match self {
+            Cause::Log(_) => [0.0; 2],
+            Cause::Motion(Moved { from_s, to_s }) => [*from_s, *to_s],
+        };
+        times.into_iter()
+    }
+}
+
 impl Event {
     /// When it happens, in seconds.
     pub fn time_s(&self) -> f64 {
         match self {
             Event::Impact(impact) => impact.time_s,
-            Event::Slide(slide) => slide.time_s,
+            Event::Slide(rub) | Event::Roll(rub) => rub.time_s,
         }
     }
 }
@@ -98,12 +155,16 @@ pub fn write(to: &mut impl Write, event: &Event) -> std::io::Result<()> {
     let numbers: Vec<f64> = match event {
         Event::Impact(impact) => {
             let numbers = [impact.time_s, impact.impulse_ns].into_iter().chain(impact.position_m);
-            numbers.chain(impact.speed_mps).chain(impact.normal.into_iter().flatten()).collect()
+            let speeds = impact.speed_mps.into_iter().chain(impact.tangential_mps);
+            let places =
+                impact.on_m.into_iter().flatten().flatten().chain(impact.normal.into_iter().flatten());
+            numbers.chain(speeds).chain(places).chain(impact.cause.numbers()).collect()
         }
-        Event::Slide(slide) => [slide.time_s, slide.lasts_s, slide.speed_mps, slide.force_n]
-            .into_iter()
-            .chain(slide.position_m)
-            .collect(),
+        Event::Slide(rub) | Event::Roll(rub) => {
+            let numbers = [rub.time_s, rub.lasts_s, rub.speed_mps, rub.force_n].into_iter();
+            let places = rub.position_m.into_iter().chain(rub.on_m.into_iter().flatten().flatten());
+            numbers.chain(places).chain(rub.cause.numbers()).collect()
+        }
     };
     if !numbers.into_iter().all(f64::is_finite) {
         return Err(std::io::Error::other(format!("an event with a number that is not finite: {event:?}")));
@@ -193,7 +254,13 @@ mod tests {
             impulse_ns,
             normal,
             speed_mps: normal.map(|n| n[0].abs()),
-            cause: Cause { log: "contacts.csv.gz".to_owned(), first_line: 2, last_line: u64::MAX },
+            on_m: normal.map(|n| [n, n.map(|c| c / 3.0)]),
+            tangential_mps: normal.map(|n| n[1]),
+            cause: if name.len() % 2 == 0 {
+                Cause::Log(LogRows { log: "contacts.csv.gz".to_owned(), first_line: 2, last_line: u64::MAX })
+            } else {
+                Cause::Motion(Moved { from_s: time_s, to_s: impulse_ns })
+            },
         })
     }
 
@@ -214,6 +281,12 @@ mod tests {
         assert!(fault(&good.replace("impact", "crash")).contains("unknown variant `crash`"));
         assert!(fault(&"x".repeat(LONGEST_LINE_BYTES + 1)).contains("a line longer than"));
         assert!(write(&mut Vec::new(), &event(f64::NAN, 1.0, "x", None)).is_err());
+        let place = good.replace("\"cause\":{", "\"cause\":{\"of\":1,");
+        assert!(
+            fault(&place).contains("expected the `log`") || fault(&place).contains("the `log` with"),
+            "{}",
+            fault(&place)
+        );
         Ok(())
     }
 

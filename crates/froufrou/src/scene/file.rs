@@ -139,7 +139,9 @@ pub struct Material {
     /// What it sounds like when hit.
     pub impact: Option<ImpactSound>,
     /// What it sounds like when something slides along it.
-    pub slide: Option<SlideSound>,
+    pub slide: Option<RubSound>,
+    /// What it sounds like when it rolls along something, or something along it.
+    pub roll: Option<RubSound>,
     /// What it sounds like when it moves through the air.
     pub air: Option<AirSound>,
     /// What it does to the sound of others.
@@ -238,16 +240,16 @@ pub struct ImpactSound {
     pub reference_distance_m: f64,
 }
 
-/// What a material sounds like when something slides along it.
+/// What a material sounds like while something slides or rolls along it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SlideSound {
-    /// What sounds, while it is told the sliding speed by its control `speed`.
+pub struct RubSound {
+    /// What sounds, while it is told the speed by its control `speed`.
     pub played: Played,
     /// Gain at the reference force, in decibels.
     pub gain_db: f64,
     /// The normal force that sounds at `gain_db`, in newtons; pressure is proportional to force.
     pub reference_force_n: f64,
-    /// The sliding speed below which nothing sounds, in metres a second.
+    /// The speed below which nothing sounds, in metres a second.
     pub floor_speed_mps: f64,
     /// The distance at which it is heard at its own gain, in metres.
     pub reference_distance_m: f64,

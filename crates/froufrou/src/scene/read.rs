@@ -129,7 +129,7 @@ pub(crate) const ALL_KEYS: &[(&str, Keys)] = &[
     ("A mode of `modes`", sounds::MODE),
     ("`[material.NAME]`", sounds::MATERIAL),
     ("`impact` of a material", sounds::IMPACT),
-    ("`slide` of a material", sounds::SLIDE),
+    ("`slide` and `roll` of a material", sounds::RUB),
     ("`air` of a material", sounds::AIR),
     ("`reflect` of a material", sounds::REFLECT),
     ("`occlude` of a material", sounds::OCCLUDE),

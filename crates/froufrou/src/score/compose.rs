@@ -17,10 +17,10 @@ use super::{
     Radiation, Start, Statement, Verb,
 };
 use crate::motion::contacts::LogEvents;
-use crate::motion::event::{Event, Impact, Slide};
+use crate::motion::event::{Event, Impact, Rub};
 use crate::random::Random;
 use crate::scene::file::{
-    Acoustics, Emitter, ImpactSound, Material, Played, Scene, SceneSound, SlideSound, StartKey, Timing,
+    Acoustics, Emitter, ImpactSound, Material, Played, RubSound, Scene, SceneSound, StartKey, Timing,
 };
 use crate::scene::world::{Carrier, World};
 use crate::{Error, Result};
@@ -36,8 +36,8 @@ const WIND_STEP_S: f64 = 0.1;
 /// come to rest is silent at once, and what rests until the next line does not swell towards it.
 const BEND_S: f64 = 0.02;
 
-/// Two bodies that slide and are not told to any more have stopped after so long.
-const SLIDE_GAP_S: f64 = 0.03;
+/// Two bodies that slide or roll and are not told to any more have stopped after so long.
+const RUB_GAP_S: f64 = 0.03;
 
 /// So many pairs of bodies are never too many to remember.
 const LEAST_QUIET: usize = 256;
@@ -156,8 +156,8 @@ pub struct Composer<'a, E> {
     most_quiet: usize,
     /// The threads of bodies that ring after a strike, by object and body.
     ringing: HashMap<(usize, String), u64>,
-    /// The threads of pairs of bodies that slide along each other, by their names and the object.
-    sliding: HashMap<(String, String, usize), u64>,
+    /// The threads of pairs of bodies that slide or roll along each other, by their names, the object and how.
+    rubbing: HashMap<(String, String, usize, Rubbing), u64>,
     ready: VecDeque<ObjectLine>,
     state: State,
 }
@@ -177,12 +177,36 @@ struct Planned {
     key: Option<StartKey>,
 }
 
-/// What recordings are picked for: a sound of the scene, or the impacts or slides of an object.
+/// What recordings are picked for: a sound of the scene, or the impacts, slides or rolls of an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 enum Group {
     Sound(usize, usize),
     Impact(usize),
-    Slide(usize),
+    Rub(Rubbing, usize),
+}
+
+/// How two bodies rub along each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum Rubbing {
+    Slide,
+    Roll,
+}
+
+impl Rubbing {
+    fn verb(self) -> &'static str {
+        match self {
+            Rubbing::Slide => "slides",
+            Rubbing::Roll => "rolls",
+        }
+    }
+
+    /// What a material sounds like then.
+    fn sound(self, material: &Material) -> Option<&RubSound> {
+        match self {
+            Rubbing::Slide => material.slide.as_ref(),
+            Rubbing::Roll => material.roll.as_ref(),
+        }
+    }
 }
 
 impl Group {
@@ -191,7 +215,8 @@ impl Group {
         match self {
             Group::Sound(sound, body) => ((sound as u64) << 32) + ((body as u64) << 1),
             Group::Impact(object) => ((object as u64) << 1) + 1,
-            Group::Slide(object) => (1 << 62) + object as u64,
+            Group::Rub(Rubbing::Slide, object) => (1 << 62) + object as u64,
+            Group::Rub(Rubbing::Roll, object) => (3 << 61) + object as u64,
         }
     }
 }
@@ -276,7 +301,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             quiet_until_s: HashMap::new(),
             most_quiet: LEAST_QUIET,
             ringing: HashMap::new(),
-            sliding: HashMap::new(),
+            rubbing: HashMap::new(),
             ready: VecDeque::new(),
             state: State::New,
         };
@@ -374,7 +399,8 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                 self.next_event = self.events.next().transpose()?;
                 match &event {
                     Event::Impact(impact) => self.strike(impact)?,
-                    Event::Slide(slide) => self.slide(slide)?,
+                    Event::Slide(rub) => self.rub(rub, Rubbing::Slide)?,
+                    Event::Roll(rub) => self.rub(rub, Rubbing::Roll)?,
                 }
             }
         }
@@ -636,10 +662,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         // Pressure is proportional to impulse; an instrument is so by itself.
         let level = if struck { 1.0 } else { impact.impulse_ns } / sound.reference_impulse_ns;
         let gain = from_db(sound.gain_db) * level * sound.reference_distance_m;
-        let cause = format!(
-            "{body} struck by {other}, {:.4} N s, {}:{}-{}",
-            impact.impulse_ns, impact.cause.log, impact.cause.first_line, impact.cause.last_line
-        );
+        let cause = format!("{body} struck by {other}, {:.4} N s, {}", impact.impulse_ns, impact.cause);
         let start = Start { speed, object, cause, ..Start::new(name) };
         let cues = if struck { VecDeque::from([(time_s, Action::Strike(blow))]) } else { VecDeque::new() };
         let id = self.begin(
@@ -664,47 +687,47 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         Ok(())
     }
 
-    /// Lets both bodies sound that slide along each other, as their materials have it.
-    fn slide(&mut self, slide: &Slide) -> Result<()> {
-        if slide.time_s < 0.0 {
+    /// Lets both bodies sound that slide or roll along each other, as their materials have it.
+    fn rub(&mut self, rub: &Rub, how: Rubbing) -> Result<()> {
+        if rub.time_s < 0.0 {
             return Ok(());
         }
-        for (body, other) in [(&slide.a, &slide.b), (&slide.b, &slide.a)] {
+        for (body, other) in [(&rub.a, &rub.b), (&rub.b, &rub.a)] {
             let Some(index) = self.object_of(body) else { continue };
             let material = self.scene.objects[index].material.and_then(|m| self.scene.materials.get(m));
-            let Some(sound) = material.and_then(|m| m.slide.as_ref()) else { continue };
-            if slide.speed_mps >= sound.floor_speed_mps {
-                self.slide_one(slide, body, other, index, sound)?;
+            let Some(sound) = material.and_then(|m| how.sound(m)) else { continue };
+            if rub.speed_mps >= sound.floor_speed_mps {
+                self.rub_one(rub, how, body, other, index, sound)?;
             }
         }
         Ok(())
     }
 
-    fn slide_one(
+    fn rub_one(
         &mut self,
-        slide: &Slide,
+        rub: &Rub,
+        how: Rubbing,
         body: &str,
         other: &str,
         index: usize,
-        sound: &SlideSound,
+        sound: &RubSound,
     ) -> Result<()> {
-        let time_s = slide.time_s;
+        let time_s = rub.time_s;
         let gain =
-            from_db(sound.gain_db) * slide.force_n / sound.reference_force_n * sound.reference_distance_m;
-        let end_s = time_s + SLIDE_GAP_S + slide.lasts_s;
-        let pair = (body.to_owned(), other.to_owned(), index);
-        let live = self.sliding.get(&pair).copied().filter(|id| self.voices.contains_key(id));
+            from_db(sound.gain_db) * rub.force_n / sound.reference_force_n * sound.reference_distance_m;
+        let end_s = time_s + RUB_GAP_S + rub.lasts_s;
+        let pair = (body.to_owned(), other.to_owned(), index, how);
+        let live = self.rubbing.get(&pair).copied().filter(|id| self.voices.contains_key(id));
         let id = match live {
             Some(id) => id,
             None => {
-                let (name, _) = self.pick(Group::Slide(index), &sound.played, 0.0)?;
-                let (_, object) = self.carried(index, body, slide.position_m, time_s)?;
-                let cause =
-                    format!("{body} slides along {other}, {}:{}", slide.cause.log, slide.cause.first_line);
+                let (name, _) = self.pick(Group::Rub(how, index), &sound.played, 0.0)?;
+                let (_, object) = self.carried(index, body, rub.position_m, time_s)?;
+                let cause = format!("{body} {} along {other}, {}", how.verb(), rub.cause);
                 let start = Start { object, cause, ..Start::new(name) };
                 let voice = Voice {
                     start: Some(start),
-                    place: Place::Carrier(Carrier::still(slide.position_m)),
+                    place: Place::Carrier(Carrier::still(rub.position_m)),
                     turns: false,
                     gain: Vec::new(),
                     end_s,
@@ -714,9 +737,9 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                     speed: None,
                 };
                 let voices = &self.voices;
-                self.sliding.retain(|_, id| voices.contains_key(id));
+                self.rubbing.retain(|_, id| voices.contains_key(id));
                 let id = self.begin(time_s, voice);
-                self.sliding.insert(pair, id);
+                self.rubbing.insert(pair, id);
                 id
             }
         };
@@ -724,11 +747,11 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         let controls = name.and_then(|name| self.facts.get(&name)).map(|facts| facts.controls.as_slice());
         let has =
             |control: &str| controls.is_some_and(|controls| controls.iter().any(|name| name == control));
-        let told = [("speed", slide.speed_mps), ("force", slide.force_n)].into_iter();
+        let told = [("speed", rub.speed_mps), ("force", rub.force_n)].into_iter();
         let told: Vec<(String, f64)> =
             told.filter(|(name, _)| has(name)).map(|(name, value)| (name.to_owned(), tidy(value))).collect();
         let Some(voice) = self.voices.get_mut(&id) else { return Ok(()) };
-        voice.place = Place::Carrier(Carrier::still(slide.position_m));
+        voice.place = Place::Carrier(Carrier::still(rub.position_m));
         // It dies away where it is told nothing more.
         voice.gain = vec![(time_s, gain), (end_s, 0.0)];
         voice.end_s = end_s;

@@ -5,8 +5,8 @@ use std::collections::HashSet;
 
 use super::super::asset::{Asset, Folder};
 use super::super::file::{
-    Acoustics, AirSound, Emitter, ImpactSound, Instrument, Material, Played, Reflect, Scene, SceneSound,
-    SetKey, SlideSound, StartKey, Timing,
+    Acoustics, AirSound, Emitter, ImpactSound, Instrument, Material, Played, Reflect, RubSound, Scene,
+    SceneSound, SetKey, StartKey, Timing,
 };
 use super::super::toml::{Node, Table};
 use super::{Keys, one_or_many, unknown, with_place};
@@ -17,7 +17,7 @@ use crate::space::directivity::Directivity;
 
 pub(super) const INSTRUMENT: Keys = &["kind", "table", "modes", "script", "with"];
 pub(super) const MODE: Keys = &["frequency", "decay", "gain", "points"];
-pub(super) const MATERIAL: Keys = &["impact", "slide", "air", "reflect", "occlude"];
+pub(super) const MATERIAL: Keys = &["impact", "slide", "roll", "air", "reflect", "occlude"];
 pub(super) const REFLECT: Keys = &["absorption", "diffuse", "sharpness", "paths", "sides"];
 pub(super) const OCCLUDE: Keys = &["transmission_db"];
 pub(super) const IMPACT: Keys = &[
@@ -32,7 +32,7 @@ pub(super) const IMPACT: Keys = &[
     "speed_variation",
     "reference_distance",
 ];
-pub(super) const SLIDE: Keys =
+pub(super) const RUB: Keys =
     &["instrument", "recording", "gain_db", "reference_force", "floor_speed", "reference_distance"];
 pub(super) const AIR: Keys = &["instrument", "gain_db", "reference_distance"];
 /// What a sound may have wherever it stands.
@@ -257,7 +257,8 @@ pub(super) fn material(
             .get("impact")
             .map(|node| impact(&node.table(IMPACT)?, instruments, folder))
             .transpose()?,
-        slide: table.get("slide").map(|node| slide(&node.table(SLIDE)?, instruments, folder)).transpose()?,
+        slide: table.get("slide").map(|node| rub(&node.table(RUB)?, instruments, folder)).transpose()?,
+        roll: table.get("roll").map(|node| rub(&node.table(RUB)?, instruments, folder)).transpose()?,
         air: table.get("air").map(|node| air_sound(&node.table(AIR)?, instruments)).transpose()?,
         acoustics: Acoustics {
             reflect: table.get("reflect").map(|node| reflect(&node)).transpose()?.flatten(),
@@ -345,7 +346,7 @@ fn contact(table: &Table<'_, '_>) -> Result<f64> {
     table.get("contact").map_or(Ok(0.0), |node| node.within("a number of seconds", 0.0, 1.0))
 }
 
-fn slide(table: &Table<'_, '_>, instruments: &[Instrument], folder: &Folder) -> Result<SlideSound> {
+fn rub(table: &Table<'_, '_>, instruments: &[Instrument], folder: &Folder) -> Result<RubSound> {
     table.at_most_one(&["recording", "instrument"])?;
     let played = match (played_instrument(table, instruments)?, table.get("recording")) {
         (Some(instrument), _) => instrument,
@@ -358,7 +359,7 @@ fn slide(table: &Table<'_, '_>, instruments: &[Instrument], folder: &Folder) -> 
             return Err(table.error("`instrument` is missing: expected the name of one, or a `recording`"));
         }
     };
-    Ok(SlideSound {
+    Ok(RubSound {
         played,
         gain_db: gain_db(table)?,
         reference_force_n: table

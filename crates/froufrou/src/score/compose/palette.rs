@@ -8,10 +8,10 @@ use crate::scene::file::{Instrument, Played};
 pub(super) fn sounds(scene: &Scene) -> Vec<Sound> {
     let mut palette = Palette::default();
     let impacts = scene.materials.iter().filter_map(|material| material.impact.as_ref());
-    let slides = scene.materials.iter().filter_map(|material| material.slide.as_ref());
+    let rubs = scene.materials.iter().flat_map(|material| material.slide.iter().chain(&material.roll));
     let played = scene.sounds.iter().map(|sound| &sound.played);
     let played = played.chain(impacts.map(|impact| &impact.played));
-    for played in played.chain(slides.map(|slide| &slide.played)) {
+    for played in played.chain(rubs.map(|rub| &rub.played)) {
         played_sounds(played, &scene.instruments).for_each(|(base, sound)| palette.add(&base, sound));
     }
     palette.sounds
