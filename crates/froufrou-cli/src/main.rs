@@ -5,6 +5,7 @@ mod demo;
 mod events;
 mod file_kind;
 mod files;
+mod grains;
 mod info;
 mod mix;
 mod plot;
@@ -44,6 +45,7 @@ enum Command {
     Mix(mix::Mix),
     Info(info::Info),
     Plot(plot::Plot),
+    Grains(grains::Grains),
     Completions(completions::Completions),
     Man(completions::Man),
 }
@@ -57,6 +59,7 @@ fn main() -> ExitCode {
         Command::Mix(command) => command.run(),
         Command::Info(command) => command.run(),
         Command::Plot(command) => command.run(),
+        Command::Grains(command) => command.run(),
         Command::Completions(command) => command.run(),
         Command::Man(command) => command.run(),
     };

@@ -3,13 +3,14 @@
 mod alembic;
 mod animation;
 mod contact_log;
+pub mod corpus;
 mod events;
 mod gltf;
 mod head;
 mod recording;
 mod scene;
 mod score;
-mod sheet;
+pub mod sheet;
 #[cfg(feature = "usd")]
 mod usd;
 
@@ -24,9 +25,9 @@ use crate::file_kind::FileKind;
 
 /// What is read.
 const READABLE: &str = "scenes (.toml), animations (.abc, .usd, .usda, .usdc, .usdz, .gltf, .glb, .pc2, .mdd, \
-                        .obj), audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), heads (.sofa), scores, events (.jsonl), contact logs and pose logs (.csv, .csv.gz)";
+                        .obj), audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), heads (.sofa), corpora of grains (folders), scores, events (.jsonl), contact logs and pose logs (.csv, .csv.gz)";
 
-/// Tells what is in a file: a scene, an animation, audio, a head, a score, events or a contact log.
+/// Tells what is in a file: a scene, an animation, audio, a head, a corpus, a score, events or a contact log.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -83,6 +84,9 @@ impl Info {
     /// A file that cannot be read or has a fault.
     pub fn run(self) -> Result<()> {
         let file = self.file.as_path();
+        if let Some(folder) = corpus::folder(file) {
+            return self.tell(&corpus::read(&folder)?);
+        }
         match FileKind::of(file, READABLE)? {
             FileKind::Scene => self.tell(&scene::read(file, self.allow_outside)?),
             FileKind::Animation(format) => self.tell(&animation::read(file, format)?),

@@ -268,6 +268,13 @@ impl Dictionary {
         }
     }
 
+    /// The sinusoids of a recording, or what is not sinusoidal in it; empty where there is no such part.
+    pub fn part(&self, recording: usize, is_sinusoidal: bool) -> &[f32] {
+        let parts = self.parts.get(recording).map_or(&[][..], Vec::as_slice);
+        let part = parts.iter().find(|part| (part.kind == GrainKind::Sinusoidal) == is_sinusoidal);
+        part.map_or(&[], |part| &part.samples)
+    }
+
     /// What a recording sounds like: the sum of its parts; empty where there is no such recording.
     pub fn sound(&self, recording: usize) -> Vec<f32> {
         match self.parts.get(recording).map(Vec::as_slice) {

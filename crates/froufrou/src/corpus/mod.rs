@@ -1,7 +1,9 @@
 //! What it can sound like: recordings in; signals that can be played out.
 
 pub mod dictionary;
+pub mod distance;
 pub mod grains;
 pub mod looping;
 pub mod recording;
+pub mod resynthesis;
 pub mod spectral;

@@ -192,10 +192,11 @@ mod tests {
         let hiss: Vec<f32> = (0..88_200).map(|i| random.uniform(i) as f32 - 0.5).collect();
         let guessed = |samples: Vec<f32>| guess(&Recording { rate_hz, channels: vec![samples] }).unwrap();
         assert_eq!(guessed(hiss.clone()), Action::Slide);
-        let mut low = 0.0;
+        let (mut low, mut lower) = (0.0, 0.0);
         let rumble = hiss.iter().map(|v| {
             low += 0.03 * (v - low);
-            low
+            lower += 0.03 * (low - lower);
+            lower
         });
         assert_eq!(guessed(rumble.collect()), Action::Roll);
         let hit = hiss.iter().enumerate().map(|(i, v)| v * (-(i as f32) / 900.0).exp());
