@@ -313,12 +313,11 @@ SCENES = {
     "bounce": ["rubber", "wood"],
     "ambulance": ["siren", "engine"],
     "collisions": ["stone", "wood", "coin"],
-    "tower": ["wood", "floor", "rumble"],
     "demo": ["siren", "rubber", "wood", "coin"],
 }
 # Of corpora, by what the bodies do: the folders that `froufrou grains build` takes labels from.
 CORPORA = {
-    "topple": {"hit": ["wood"], "roll": ["rolled"], "slide": ["scraped"]},
+    "tower": {"wood/hit": ["wood"], "wood/roll": ["rolled"], "wood/slide": ["scraped"], "floor/hit": ["floor"]},
 }
 
 
