@@ -60,7 +60,9 @@ use froufrou::motion::lives::{Found, Lives};
 use froufrou::scene::contact_log::{ContactRow, Push};
 use froufrou::{Error, Result};
 use rapier3d::geometry::{ContactPair, NEW_CONTACT_BIT};
-use rapier3d::prelude::{ColliderHandle, ColliderSet, NarrowPhase, RigidBody, RigidBodyHandle, RigidBodySet, Vector};
+use rapier3d::prelude::{
+    ColliderHandle, ColliderSet, NarrowPhase, RigidBody, RigidBodyHandle, RigidBodySet, Vector,
+};
 
 /// So many steps back the causes of events may lie.
 const STEPS: usize = 512;
@@ -200,7 +202,8 @@ impl Listener {
         let handles = [pair.collider1, pair.collider2];
         let parents = handles.map(|handle| colliders.get(handle).and_then(|collider| collider.parent()));
         // What sleeps has the impulses of the step in which it fell asleep.
-        let awake = |body: &RigidBodyHandle| bodies.get(*body).is_some_and(|b| b.is_dynamic() && !b.is_sleeping());
+        let awake =
+            |body: &RigidBodyHandle| bodies.get(*body).is_some_and(|b| b.is_dynamic() && !b.is_sleeping());
         if !parents.iter().flatten().any(awake) || parents[0] == parents[1] {
             return Ok(());
         }
