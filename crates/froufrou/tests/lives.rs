@@ -113,14 +113,6 @@ fn a_ball_rolls_a_block_slides_and_bricks_rest() {
     let Some(data) = data() else { return };
     let events = events(&data, 1, SCENE);
     let rubs = rubs(&events);
-    for (pair, moments) in &rubs {
-        let rolls = moments.iter().filter(|(rolls, _)| *rolls).count();
-        let (first, last) = (moments[0].1.time_s, moments[moments.len() - 1].1.time_s);
-        println!("{pair:?}: {} moments, {rolls} roll, {first:.3} to {last:.3} s", moments.len());
-    }
-    for impact in impacts(&events) {
-        println!("{impact:?}");
-    }
     let ball = velocities(&data, "ball");
     let block = velocities(&data, "block_slide");
     // Down the ramp, from 0.2 s on, until it drops off its end at 1.4 s.
@@ -146,4 +138,111 @@ fn a_ball_rolls_a_block_slides_and_bricks_rest() {
         // m g cos α.
         assert!((rub.force_n - 9.37).abs() < 0.5, "{rub:?}");
     }
+}
+
+/// Moments in which the bricks, which stand on each other, rub, but for the time in which they are hit.
+fn in_the_stack(events: &[Event]) -> usize {
+    let at_rest = |rub: &&Rub| !(1.9..2.1).contains(&rub.time_s) && rub.time_s > 0.1;
+    let bricks = |(a, b): &(&str, &str)| a.starts_with("brick") && (b.starts_with("brick") || *b == "ground");
+    let all = rubs(events);
+    all.iter()
+        .filter(|(pair, _)| bricks(pair))
+        .flat_map(|(_, all)| all.iter().map(|(_, rub)| *rub))
+        .filter(at_rest)
+        .count()
+}
+
+#[test]
+fn a_stack_rests_in_silence_and_a_coin_comes_to_rest() {
+    let Some(data) = data() else { return };
+    for every in [1, 16, 32] {
+        let events = events(&data, every, SCENE);
+        assert_eq!(in_the_stack(&events), 0);
+        let late = events.iter().filter(|event| event.time_s() > 2.1);
+        // Only the block still slides.
+        assert!(late.clone().count() > 10);
+        for event in late {
+            assert!(matches!(event, Event::Slide(rub) if rub.a == "block_slide"), "{event:?}");
+        }
+        let coin = rubs(&events).remove(&("coin", "ground")).unwrap_or_default();
+        assert!(coin.len() > 20 && coin.iter().all(|(_, rub)| rub.time_s < 1.2), "{}", coin.len());
+        assert!(
+            coin.iter().filter(|(rolls, _)| *rolls).count() * 2 > coin.len(),
+            "it wobbles around its rim"
+        );
+    }
+}
+
+#[test]
+fn impacts_know_their_speeds_and_places_on_both() {
+    let Some(data) = data() else { return };
+    let events = events(&data, 1, SCENE);
+    let hits = impacts(&events);
+    let hit = hits.iter().find(|hit| hit.a == "ball" && hit.b == "ramp").expect("a hit");
+    // It has fallen from rest for 0.143 s onto a slope of 0.3 rad.
+    let fall_mps = 9.81 * 0.1435;
+    assert!((hit.speed_mps.expect("speed") / (fall_mps * 0.3_f64.cos()) - 1.0).abs() < 0.03, "{hit:?}");
+    assert!((hit.tangential_mps.expect("speed") / (fall_mps * 0.3_f64.sin()) - 1.0).abs() < 0.03, "{hit:?}");
+    let [on_ball, on_ramp] = hit.on_m.expect("poses");
+    assert_eq!(on_ramp, hit.position_m, "what stands still has no frame of its own");
+    assert!((on_ball.iter().map(|c| c * c).sum::<f64>().sqrt() - 0.06).abs() < 0.002, "{on_ball:?}");
+}
+
+/// What "the same events" means of a log with every n-th step alone: blows above 0.1 N s whose pair has no other one
+/// within three frames are found, so near in time and with that impulse, and nothing else is that loud.
+#[test]
+fn thinned_logs_tell_the_same_events() {
+    let Some(data) = data() else { return };
+    let whole = events(&data, 1, SCENE);
+    let whole = impacts(&whole);
+    for (every, time_s, share) in [(16, 0.001, 0.13), (32, 0.004, 0.13)] {
+        let thinned = events(&data, every, SCENE);
+        let thinned = impacts(&thinned);
+        let near_s = 3.0 * every as f64 / 1000.0;
+        let pair = |a: &Impact, b: &Impact| a.a == b.a && a.b == b.b;
+        // The bricks settle in the first frames, from 1 mm above each other.
+        let loud = |hit: &&&Impact| hit.impulse_ns > 0.1 && hit.time_s > near_s.max(0.05);
+        let mut alone = 0;
+        for hit in whole.iter().filter(loud) {
+            let others = whole.iter().filter(|other| pair(other, hit) && !std::ptr::eq(**other, **hit));
+            let others: Vec<_> = others.filter(|other| (other.time_s - hit.time_s).abs() < near_s).collect();
+            // The echo of a bounce is a tenth of it.
+            let is_alone = others.iter().all(|other| other.impulse_ns < 0.15 * hit.impulse_ns);
+            let found =
+                thinned.iter().find(|other| pair(other, hit) && (other.time_s - hit.time_s).abs() < near_s);
+            let Some(found) = found else { panic!("missed: {hit:?}") };
+            if is_alone {
+                let ratio = found.impulse_ns / hit.impulse_ns;
+                println!(
+                    "{every}: {} on {}: {:+.2} ms, {:+.1} %",
+                    hit.a,
+                    hit.b,
+                    1000.0 * (found.time_s - hit.time_s),
+                    100.0 * (ratio - 1.0)
+                );
+                assert!((found.time_s - hit.time_s).abs() < time_s, "{found:?} {hit:?}");
+                assert!((ratio - 1.0).abs() < share, "{found:?} {hit:?}");
+                alone += 1;
+            }
+        }
+        assert!(alone >= 5, "{alone}");
+        for found in thinned.iter().filter(loud) {
+            let told = whole.iter().any(|hit| pair(hit, found) && (hit.time_s - found.time_s).abs() < near_s);
+            assert!(told, "invented: {found:?}");
+        }
+        // Those of the bricks come as they settle, and nothing rattles at rest.
+        assert!(thinned.iter().all(|hit| hit.time_s < 2.1));
+    }
+}
+
+#[test]
+fn a_thinned_log_without_poses_is_read_as_before() {
+    let Some(data) = data() else { return };
+    let without = SCENE.replace("source = \"poses.csv#*\"\nup = \"z\"", "");
+    let events = events(&data, 16, &without);
+    // Of the slides of a log that has sliding velocities nothing is lost.
+    let slides = rubs(&events);
+    assert!(slides[&("block_slide", "ramp")].len() > 75);
+    assert!(slides[&("ball", "ramp")].iter().filter(|(rolls, _)| *rolls).count() > 70);
+    assert_eq!(in_the_stack(&events), 0);
 }

@@ -1,5 +1,7 @@
 //! What happens in a contact log: its impacts, slides and rolls, in order of time.
 
+use std::sync::Arc;
+
 use super::body::BodyState;
 use super::event::{Cause, Event, LogRows};
 use super::impact::{Settings, Step};
@@ -43,6 +45,8 @@ pub(super) struct Poses {
     bodies: RigidBodies,
     /// What carries each body that was met, and its state at the time that was last asked for.
     met: Vec<Option<Posed>>,
+    /// Their names, also of those whom a thinned log has not named yet when they do something.
+    names: Vec<Arc<str>>,
 }
 
 struct Posed {
@@ -58,6 +62,7 @@ impl Poses {
         for name in log.bodies().iter().skip(self.met.len()) {
             let carrier = self.bodies.carrier(name).cloned();
             let mass_kg = self.bodies.mass_kg(name);
+            self.names.push(name.clone());
             self.met.push(carrier.map(|carrier| Posed { carrier, mass_kg, time_s: f64::NAN, state: None }));
         }
     }
@@ -118,7 +123,7 @@ impl LogEvents {
             Some(step_s) => Step::Fixed(step_s),
             None => Step::Stamped(find_step(contacts)?),
         };
-        let mut poses = Poses { bodies, met: Vec::new() };
+        let mut poses = Poses { bodies, ..Poses::default() };
         let thinned = thinned(contacts, step, &mut poses)?;
         if let Some(thinned) = &thinned {
             step = Step::Stamped(thinned.spacing_s);
@@ -145,18 +150,21 @@ impl LogEvents {
 
     fn event(&self, mut found: Found) -> Result<Event> {
         if let Found::Blow(blow) = &mut found
-            && let Some(before) = self.poses.before(blow.bodies, blow.time_s - self.step_s())?
+            && let Some(before) = self.poses.before(blow.bodies, blow.time_s - self.blurred_s())?
         {
             blow.approach(before);
         }
-        let names = found.bodies().map(|body| self.log.bodies().get(body as usize).map_or("", |name| name));
+        let names = found.bodies().map(|body| self.poses.names.get(body as usize).map_or("", |name| name));
         let [first_line, last_line] = found.lines();
         Ok(found.event(names, Cause::Log(LogRows { log: self.name.clone(), first_line, last_line })))
     }
 
-    fn step_s(&self) -> f64 {
-        let (Step::Fixed(step_s) | Step::Stamped(step_s)) = self.settings().step;
-        step_s
+    /// So long before the time of a blow it may have begun.
+    fn blurred_s(&self) -> f64 {
+        match (self.settings().step, &self.thinned) {
+            (_, Some(_)) => 0.0,
+            (Step::Fixed(step_s) | Step::Stamped(step_s), None) => step_s,
+        }
     }
 
     fn feed(&mut self, row: ContactRow) -> Result<()> {

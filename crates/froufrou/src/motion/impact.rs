@@ -113,6 +113,8 @@ pub struct Blow {
     pub normal: Option<[f64; 3]>,
     /// The same place on each of them, in its own frame, where the motion of one at least is known.
     pub on_m: Option<[[f64; 3]; 2]>,
+    /// From the origin of each to that place, in the axes of the world.
+    pub arms_m: Option<[[f64; 3]; 2]>,
     /// The greatest relative speed along the normal in metres a second.
     pub speed_mps: Option<f64>,
     /// The greatest speed at which they slide along each other, in metres a second; where the log has it.
@@ -159,6 +161,7 @@ struct Touch {
     speed_mps: Option<f64>,
     sliding_mps: Option<f64>,
     on_m: Option<[[f64; 3]; 2]>,
+    arms_m: Option<[[f64; 3]; 2]>,
     at_s: Option<f64>,
     line: u64,
 }
@@ -179,6 +182,10 @@ struct Sum {
     sliding_mps: Option<f64>,
     /// Σ J·p in the frame of either body.
     on: Option<[[f64; 3]; 2]>,
+    /// Σ J·r from the origin of either.
+    arms: Option<[[f64; 3]; 2]>,
+    /// True where it is known when in its step it acts.
+    is_timed: bool,
     /// The first and last line.
     lines: Option<[u64; 2]>,
 }
@@ -203,7 +210,10 @@ impl Sum {
         self.normal = both(self.normal, other.normal, plus);
         self.speed_mps = both(self.speed_mps, other.speed_mps, f64::max);
         self.sliding_mps = both(self.sliding_mps, other.sliding_mps, f64::max);
-        self.on = both(self.on, other.on, |a, b| [plus(a[0], b[0]), plus(a[1], b[1])]);
+        let sums = |a: [[f64; 3]; 2], b: [[f64; 3]; 2]| [plus(a[0], b[0]), plus(a[1], b[1])];
+        self.on = both(self.on, other.on, sums);
+        self.arms = both(self.arms, other.arms, sums);
+        self.is_timed |= other.is_timed;
         self.lines = both(self.lines, other.lines, |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
     }
 }
@@ -339,10 +349,12 @@ impl Analyser {
         if push > 0.0 {
             let swapped = row.a > row.b;
             let (bodies, sign) = if swapped { ([row.b, row.a], -1.0) } else { ([row.a, row.b], 1.0) };
-            let on_m = (states != [None; 2]).then(|| {
-                let [a, b] = states.map(|state| state.unwrap_or(BodyState::STILL).local_m(row.position_m));
-                if swapped { [b, a] } else { [a, b] }
-            });
+            let known = states != [None; 2];
+            let states = states.map(|state| state.unwrap_or(BodyState::STILL));
+            let states = if swapped { [states[1], states[0]] } else { states };
+            let on_m = known.then(|| states.map(|state| state.local_m(row.position_m)));
+            let arm = |state: BodyState| std::array::from_fn(|i| row.position_m[i] - state.position_m[i]);
+            let arms_m = known.then(|| states.map(arm));
             self.touches.push(Touch {
                 bodies,
                 position_m: row.position_m,
@@ -351,6 +363,7 @@ impl Analyser {
                 speed_mps: row.normal_velocity_mps.map(f64::abs),
                 sliding_mps: row.sliding_mps,
                 on_m,
+                arms_m,
                 at_s,
                 line: row.line,
             });
@@ -467,6 +480,8 @@ impl Analyser {
                     speed_mps: point.speed_mps,
                     sliding_mps: point.sliding_mps,
                     on: point.on_m.map(|on| on.map(|p| p.map(|c| c * impulse_ns))),
+                    arms: point.arms_m.map(|arms| arms.map(|p| p.map(|c| c * impulse_ns))),
+                    is_timed: point.at_s.is_some(),
                     lines: Some([point.line; 2]),
                 });
             }
@@ -561,7 +576,8 @@ impl Analyser {
         if window.onset {
             (pair.rest_n, pair.rest_age_s) = (least_n, window.touching_s);
         }
-        let Sum { moment, normal, speed_mps, sliding_mps, on, lines, impulse_ns: all_ns, .. } = window.sum;
+        let Sum { moment, normal, speed_mps, sliding_mps, on, arms, lines, impulse_ns: all_ns, .. } =
+            window.sum;
         let middle_s =
             (window.time_moment - rest_n * window.touching_moment) / (all_ns - rest_n * window.touching_s);
         let end_s = window.start_s.max(pair.last_end_s);
@@ -573,6 +589,7 @@ impl Analyser {
             impulse_ns,
             normal: normal.zip(length).filter(|(_, l)| *l > 0.0).map(|(n, l)| n.map(|c| c / l)),
             on_m: on.map(|on| on.map(|p| p.map(|c| c / all_ns))),
+            arms_m: arms.map(|arms| arms.map(|p| p.map(|c| c / all_ns))),
             speed_mps,
             sliding_mps,
             lines: lines.unwrap_or_default(),
@@ -596,12 +613,18 @@ impl Window {
         };
         self.changes = self.least_n.is_none() || force_n < 0.9 * self.last_n;
         self.last_n = force_n;
+        // Bodies that come together carry nothing before they do.
+        let touching_s = if self.onset && self.steps == 0 && contact.sum.is_timed {
+            (contact.end_s - contact.sum.timed / contact.sum.impulse_ns).clamp(0.0, contact.step_s)
+        } else {
+            contact.step_s
+        };
         self.steps += 1;
         self.sum.add(&contact.sum);
         self.time_moment += contact.sum.timed;
-        self.touching_s += contact.step_s;
-        self.touching_moment += contact.step_s * middle_s;
-        self.span_s += contact.step_s + apart_s;
+        self.touching_s += touching_s;
+        self.touching_moment += touching_s * middle_s;
+        self.span_s += touching_s + apart_s;
     }
 
     /// Whether a step that begins at a time would still be part of it.

@@ -86,8 +86,12 @@ impl Blow {
     /// Takes the speeds at which the bodies came together from how they moved shortly before, where that is
     /// more than the contacts told: what is logged after a step has lost most of it.
     pub fn approach(&mut self, before: [BodyState; 2]) {
-        let Some(normal) = self.normal.map(DVec3::from) else { return };
-        let [a, b] = before.map(|state| DVec3::from(state.velocity_at(self.position_m)));
+        let (Some(normal), Some(arms_m)) = (self.normal.map(DVec3::from), self.arms_m) else { return };
+        let velocity = |body: usize| {
+            let turn = DVec3::from(before[body].angular_velocity_rps);
+            DVec3::from(before[body].velocity_mps) + turn.cross(arms_m[body].into())
+        };
+        let (a, b) = (velocity(0), velocity(1));
         let speed = |told: Option<f64>, moved: f64| Some(told.map_or(moved, |told| told.max(moved)));
         self.speed_mps = speed(self.speed_mps, (a - b).dot(normal).abs());
         self.sliding_mps = speed(self.sliding_mps, (a - b).reject_from(normal).length());

@@ -54,6 +54,8 @@ pub(super) struct Survey {
     /// In kilograms; nothing for what stands still or cannot be told.
     masses_kg: Vec<Option<f64>>,
     partners: Vec<Vec<Partner>>,
+    /// The farthest from its centre that each was touched, in metres.
+    radii_m: Vec<f64>,
     /// 1 where a normal is the way the first body of its row is pushed, −1 where it is the second.
     sign: f64,
 }
@@ -110,6 +112,7 @@ impl Survey {
             }
             poses.meet(&log);
             survey.partners.resize_with(log.bodies().len(), Vec::new);
+            survey.radii_m.resize(log.bodies().len(), 0.0);
             samples.resize_with(log.bodies().len(), Samples::default);
             survey.take(contacts, &frame, poses, spacing_s, &mut samples, &mut agreement)?;
         }
@@ -149,6 +152,8 @@ impl Survey {
                 *agreement += force_n * arm.normalize_or_zero().dot(normal);
                 let centre =
                     poses.state(other, row.time_s)?.map_or(DVec3::ZERO, |other| other.position_m.into());
+                let radius_m = &mut self.radii_m[body as usize];
+                *radius_m = radius_m.max(arm.length());
                 let partners = &mut self.partners[body as usize];
                 let (reach_m, offset_m) = (arm.dot(normal), (point - centre).dot(normal));
                 let known = partners.iter().any(|partner| {
@@ -436,16 +441,18 @@ impl Momentum {
                     + self.gravity * (0.5 * so_far_s * so_far_s);
                 let other = poses.fresh_state(partner.other, at_s)?;
                 let other = other.map_or(DVec3::ZERO, |state| state.position_m.into());
-                // Where the other's surface is, and where this body's is, along the normal.
-                let gap_m = (centre - other).dot(partner.normal) - partner.reach_m - partner.offset_m;
-                let reach_m = partner.reach_m.abs() + gain.abs() * 0.1 * span_s;
-                if !(gap_m.abs() <= 0.3 * reach_m) {
+                // How far the centre is above the other's surface: by no more than the body is large.
+                let height_m = (centre - other).dot(partner.normal) - partner.offset_m;
+                let radius_m = self.survey.radii_m[flight.body as usize].max(partner.reach_m);
+                let gap_m = (partner.reach_m - height_m).max(height_m - radius_m).max(0.0);
+                let reach_m = radius_m + gain.abs() * 0.1 * span_s;
+                if !(gap_m <= 0.3 * reach_m) {
                     continue;
                 }
-                let fit = gap_m.abs() / reach_m + (1.0 - along);
+                let fit = gap_m / reach_m + (1.0 - along);
                 if best.as_ref().is_none_or(|(least, _)| fit < *least) {
                     let normal = if flight.body == bodies[0] { partner.normal } else { -partner.normal };
-                    let point = centre - partner.normal * partner.reach_m;
+                    let point = centre - partner.normal * height_m;
                     let lines = [partner.line; 2];
                     let pair = Touching {
                         bodies,

@@ -9,16 +9,17 @@
 //! What a moment is, [`rub`](super::rub) says from two speeds.
 //!
 //! - The *slip* is that of the log, or else follows from how the bodies move.
-//! - The velocity ċ of the contact point is how far the points have come since the steps before, each found again as the
+//! - The rolling speed is how far the points have come over both bodies since the steps before, each found again as the
 //!   nearest one, and none where that is no steady way but a jitter. Bodies that press on each other flat have
-//!   points that wander and do not roll: two surfaces roll as fast as they turn against each other, and ċ is not
+//!   points that wander and do not roll: two surfaces roll as fast as they turn against each other, and a way is not
 //!   believed beyond [`MOST_REACH`] times that turn about the nearer body's centre.
 //!
 //! Where nobody knows how the bodies move, one of them is taken to stand still: a contact that travels and does not slip
 //! rolls. So a log without poses takes a load that rests on a moving car for one that rolls.
 //!
 //! A pair keeps to what it does: from sliding to rolling, to rest and back it changes with the second moment in
-//! a row, and that is told from the first one on; but what begins to slide faster than [`SURELY_MPS`] does so at once.
+//! a row, and that is told from the first one on; but what begins to slide faster than [`SURELY_MPS`] does so at once,
+//! and nothing begins to roll more slowly than that.
 //! Rest is not told. Moments come out in order of time, no later than one moment after they are over.
 //!
 //! It needs the log's sliding velocities or the bodies' motion. The memory goes with the pairs that touch within
@@ -27,7 +28,7 @@
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, HashMap};
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 use super::body::BodyState;
 use super::impact::Step;
@@ -40,19 +41,20 @@ pub const MOMENT_S: f64 = 0.01;
 /// Bodies that slide more slowly than this, in metres a second, are at rest.
 pub const LEAST_MPS: f64 = 0.001;
 
-/// What slides so fast, in metres a second, has begun to slide, however short it does so.
+/// What slides so fast, in metres a second, has begun to slide, however short it does so; what begins to roll is as
+/// fast.
 pub const SURELY_MPS: f64 = 0.005;
 
 /// How many times as fast as a body's centre goes about the contact the contact may travel: a coin that
 /// wobbles down has its contact run around its rim, the faster the flatter it lies.
-pub const MOST_REACH: f64 = 30.0;
+pub const MOST_REACH: f64 = 10.0;
 
 /// For so long, in seconds, or three steps, a contact point is remembered.
 const TRACK_S: f64 = 0.05;
 /// Of so many contact points at most of a pair the way is followed.
 const MOST_TRACKS: usize = 16;
 /// Logs are rounded: so far, in metres, a point that stands still may seem to go.
-const ROUNDING_M: f64 = 0.001;
+const ROUNDING_M: f64 = 1e-4;
 /// Moments after which a pair that does not touch is forgotten.
 const FORGET: i64 = 8;
 
@@ -85,6 +87,7 @@ struct Motion {
     /// The velocity of the material of each.
     surfaces_mps: [DVec3; 2],
     on_m: [DVec3; 2],
+    turns: [DQuat; 2],
     /// How fast the contact may travel by rolling.
     reach_mps: f64,
 }
@@ -104,6 +107,7 @@ impl Motion {
         Self {
             surfaces_mps: states.map(|state| DVec3::from(state.velocity_at(point_m))),
             on_m: states.map(|state| DVec3::from(state.local_m(point_m))),
+            turns: states.map(|state| DQuat::from_array(state.rotation)),
             reach_mps: if reach_mps.is_finite() { reach_mps } else { 0.0 },
         }
     }
@@ -130,10 +134,9 @@ struct Sum {
     normal: DVec3,
     /// With the impulse of the points whose motion is known.
     moved_ns: f64,
-    surfaces: [DVec3; 2],
     on: [DVec3; 2],
     reach: f64,
-    /// How far the contact points have come, by what way, and in what time.
+    /// How far the contact points have come, over both bodies or in the world, by what way, and in what time.
     travel: DVec3,
     way: f64,
     travelled_s: f64,
@@ -158,6 +161,8 @@ struct Moment {
 struct Track {
     time_s: f64,
     position: DVec3,
+    /// The same on both bodies, where their motion is known.
+    on_m: Option<[DVec3; 2]>,
 }
 
 /// What is known of a pair.
@@ -332,8 +337,12 @@ impl Analyser {
                 life.last = ended;
             }
             if let Some(before) = life.pending.take() {
-                let goes_on =
-                    moment.as_ref().is_some_and(|m| m.raw == before.raw && m.index == before.index + 1);
+                let goes_on = moment.as_ref().is_some_and(|moment| {
+                    // A slow way is a wandering of pressure as likely as not.
+                    let both_mps = moment.rolling_mps.min(before.rolling_mps);
+                    let next = moment.raw == before.raw && moment.index == before.index + 1;
+                    next && (moment.raw != Rubbing::Roll || both_mps >= SURELY_MPS)
+                });
                 if goes_on {
                     life.held = Some(before.raw);
                 }
@@ -368,6 +377,11 @@ fn follow(tracks: &mut Vec<Track>, points: &[Touch], time_s: f64, sum: &mut Sum)
     let nearest = |position: DVec3, of: &mut dyn Iterator<Item = DVec3>| {
         of.map(|other| other.distance_squared(position)).enumerate().min_by(|a, b| a.1.total_cmp(&b.1))
     };
+    let of = |point: &Touch| Track {
+        time_s,
+        position: point.position,
+        on_m: point.motion.map(|motion| motion.on_m),
+    };
     let old = tracks.len();
     for (number, point) in points.iter().enumerate().take(MOST_TRACKS) {
         let before = &tracks[..old];
@@ -379,18 +393,28 @@ fn follow(tracks: &mut Vec<Track>, points: &[Touch], time_s: f64, sum: &mut Sum)
         });
         let Some((index, _)) = mutual else {
             if tracks.len() < MOST_TRACKS {
-                tracks.push(Track { time_s, position: point.position });
+                tracks.push(of(point));
             }
             continue;
         };
         let track = &mut tracks[index];
-        let (way, span_s) = (point.position - track.position, time_s - track.time_s);
-        let (_, length) = (*track = Track { time_s, position: point.position }, way.length());
+        let before = std::mem::replace(track, of(point));
+        let span_s = time_s - before.time_s;
+        let in_world = point.position - before.position;
+        let way = match (point.motion, before.on_m) {
+            // The mean of the ways over both, in the axes of the world.
+            (Some(motion), Some(on_m)) => {
+                let over = |body: usize| motion.turns[body] * (motion.on_m[body] - on_m[body]);
+                0.5 * (over(0) + over(1))
+            }
+            _ => in_world,
+        };
+        let length = way.length();
         let most_m = point.motion.map_or(f64::INFINITY, |motion| {
             let [a, b] = motion.surfaces_mps.map(DVec3::length);
             2.0 * (a.max(b) + motion.reach_mps) * span_s + ROUNDING_M
         });
-        if length <= most_m {
+        if in_world.length() <= most_m {
             sum.travel += way * point.impulse_ns;
             sum.way += length * point.impulse_ns;
             sum.travelled_s += span_s * point.impulse_ns;
@@ -408,7 +432,6 @@ impl Sum {
         if let Some(motion) = touch.motion {
             self.moved_ns += j;
             (0..2).for_each(|body| {
-                self.surfaces[body] += j * motion.surfaces_mps[body];
                 self.on[body] += j * motion.on_m[body];
             });
             self.reach += j * motion.reach_mps;
@@ -430,10 +453,9 @@ impl Sum {
             // As of a block that carries the point along.
             None => slip_mps / 2.0,
             Some(point) if moved => {
-                let [a, b] = self.surfaces.map(|v| (v / self.moved_ns).to_array());
-                let normal = self.normal.try_normalize().unwrap_or(DVec3::ZERO).to_array();
-                let surface = Surface::new(a, b, point.to_array(), normal);
-                surface.rolling_mps.min(self.reach / self.moved_ns + slip_mps / 2.0)
+                let normal = self.normal.try_normalize();
+                let along = normal.map_or(point, |normal| point.reject_from_normalized(normal));
+                along.length().min(self.reach / self.moved_ns + slip_mps / 2.0)
             }
             // One of them stands still, and the other goes the way of the point.
             Some(point) => (point.length() - slip_mps / 2.0).abs(),
