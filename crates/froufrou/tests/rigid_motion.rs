@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 
 use froufrou::Result;
 use froufrou::motion::event::{Event, Impact, Rub};
+use froufrou::motion::moving::MovingBodies;
 use froufrou::motion::rigid::{Analyser, Body, Kind, Shape};
-use froufrou::motion::{contacts::LogEvents, moving::MovingBodies};
 use froufrou::scene::Scene;
 use froufrou::scene::animation::Transform;
 use froufrou::scene::world::{RigidBodies, World};
@@ -61,13 +61,13 @@ fn scene(text: &str) -> Option<(Scene, World)> {
 }
 
 fn impacts(events: &[Event]) -> Vec<&Impact> {
-    fn impact(event: &Event) -> Option<&Impact> {
-        match event {
-            Event::Impact(impact) => Some(impact),
-            Event::Slide(_) | Event::Roll(_) => None,
+    let mut impacts = Vec::new();
+    for event in events {
+        if let Event::Impact(impact) = event {
+            impacts.push(impact);
         }
     }
-    events.iter().filter_map(impact).collect()
+    impacts
 }
 
 fn of<'a>(events: &'a [Event], a: &str, b: &str) -> Vec<&'a Event> {

@@ -37,7 +37,7 @@ impl Pose {
             }
         }
         if turned.determinant() < 0.0 {
-            turned = turned * -1.0;
+            turned *= -1.0;
         }
         let turn = DQuat::from_mat3(&turned).normalize();
         let sizes = DMat3::from_quat(turn.conjugate()) * linear;

@@ -44,11 +44,13 @@ fn told(
 }
 
 fn impacts(events: &[Event]) -> Vec<&Impact> {
-    let impact = |event| match event {
-        &Event::Impact(ref impact) => Some(impact),
-        _ => None,
-    };
-    events.iter().filter_map(impact).collect()
+    let mut impacts = Vec::new();
+    for event in events {
+        if let Event::Impact(impact) = event {
+            impacts.push(impact);
+        }
+    }
+    impacts
 }
 
 fn rubs(events: &[Event]) -> [Vec<&Rub>; 2] {
