@@ -5,13 +5,16 @@
 //! ```
 //!
 //! `split` makes sinusoids and residual of ten seconds at 44.1 kHz, `extract` cuts them; `items/s` counts samples.
-//! `patterns` matches five recordings of two seconds with grains of a thousand samples; `items/s` counts correlations: a
+//! `build` makes a dictionary of recordings of two seconds, one in three of which slides; `resynthesise_all` makes all of them
+//! again of others' grains; `items/s` counts samples. `patterns` matches five recordings of two seconds with grains of a thousand samples; `items/s` counts correlations: a
 //! sample and grain. `direct` is what a sum for each would do, on one core.
 
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
+use froufrou::corpus::dictionary::{Action, Dictionary, Example, Settings};
 use froufrou::corpus::grains::patterns::{Matcher, Matching};
 use froufrou::corpus::grains::{Extraction, GrainKind};
+use froufrou::corpus::resynthesis::{Own, resynthesise};
 use froufrou::corpus::spectral::SpectralModel;
 use froufrou::random::Random;
 
@@ -49,6 +52,39 @@ fn extract(bencher: Bencher) {
     bencher
         .counter(ItemsCount::new(sound.len()))
         .bench_local(|| extraction.extract(&[(black_box(&sound), GrainKind::Impulsive)], RATE_HZ).unwrap());
+}
+
+fn examples(count: u64) -> Vec<Example> {
+    let example = |seed| {
+        let action = if seed % 3 == 2 { Action::Slide } else { Action::Hit };
+        Example {
+            name: format!("{seed}"),
+            samples: rattle(seed, 88_200),
+            rate_hz: RATE_HZ,
+            contact: action.contact(),
+            action,
+        }
+    };
+    (0..count).map(example).collect()
+}
+
+#[divan::bench(args = [3, 12], sample_count = 3)]
+fn build(bencher: Bencher, count: u64) {
+    let settings = Settings::default();
+    bencher
+        .counter(ItemsCount::new(88_200 * count))
+        .with_inputs(|| examples(count))
+        .bench_local_values(|examples| Dictionary::build(examples, None, &settings).unwrap());
+}
+
+#[divan::bench(sample_count = 5)]
+fn resynthesise_all(bencher: Bencher) {
+    let dictionary = Dictionary::build(examples(12), None, &Settings::default()).unwrap();
+    bencher.counter(ItemsCount::new(88_200u64 * 12)).bench_local(|| {
+        (0..12)
+            .map(|number| resynthesise(&dictionary, number, Own::Without).unwrap().render(&dictionary).len())
+            .sum::<usize>()
+    });
 }
 
 #[divan::bench(args = [10, 200], sample_count = 5)]

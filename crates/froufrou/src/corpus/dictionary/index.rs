@@ -10,6 +10,9 @@ use crate::error::{Error, Result};
 /// What the first line of the file says.
 const KIND: &str = "froufrou grains 1";
 
+/// No recording has so many samples.
+const LONGEST: usize = 1 << 40;
+
 /// Steps of the correlation from 0 to 1.
 const STEPS: f32 = 255.0;
 
@@ -138,8 +141,7 @@ pub(super) fn read(bytes: &[u8], contacts: &[Contact]) -> Result<Vec<Item>> {
 fn item(reader: &mut Reader, contact: Contact, count: usize) -> Result<Item> {
     let bytes = reader.count(1)?;
     let audio = String::from_utf8_lossy(reader.take(bytes)?).into_owned();
-    let length = reader.number()?;
-    let length = usize::try_from(length).map_err(|_| reader.fault("a recording is too long"))?;
+    let length = reader.below(LONGEST, "the length of a recording")?;
     let mut segments: Vec<Segment> = Vec::new();
     for kind in kinds(contact) {
         let number = reader.count(2)?;
@@ -203,4 +205,87 @@ fn peaks(reader: &mut Reader, length: usize, begins: &[usize], lengths: &[usize]
         peak.correlation = f32::from(reader.byte()?) / STEPS;
     }
     Ok(peaks)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn items() -> (Vec<Item>, Vec<Contact>) {
+        let segment = |kind, start, length| Segment { kind, start, length, energy: 0.0 };
+        let hit = Item {
+            audio: "0123456789abcdef0123456789abcdef".into(),
+            length: 5000,
+            segments: (0..9).map(|i| segment(GrainKind::Impulsive, 500 * i, 520)).collect(),
+            shares: vec![Share { start: 1000, length: 500, recording: 2, from: 70, gain: -0.5 }],
+            peaks: (0..40)
+                .map(|i| Peak { grain: i as u32 % 13, start: 90 * i, correlation: i as f32 / 51.0 })
+                .collect(),
+        };
+        let silent = Item { audio: hit.audio.clone(), length: 70, ..Item::default() };
+        let slide = Item {
+            segments: vec![
+                segment(GrainKind::Sinusoidal, 0, 900),
+                segment(GrainKind::Sinusoidal, 880, 700),
+                segment(GrainKind::Transient, 30, 400),
+                segment(GrainKind::Transient, 4000, 1000),
+            ],
+            shares: Vec::new(),
+            ..hit.clone()
+        };
+        (vec![hit, silent, slide], vec![Contact::Impulsive, Contact::Impulsive, Contact::Continuous])
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let (items, contacts) = items();
+        let bytes = write(&items, &contacts).unwrap();
+        let read = read(&bytes, &contacts).unwrap();
+        for (a, b) in items.iter().zip(&read) {
+            let rounded: Vec<Peak> =
+                a.peaks.iter().map(|p| Peak { correlation: stepped(p.correlation), ..*p }).collect();
+            assert_eq!(
+                (&a.audio, a.length, &a.segments, &a.shares),
+                (&b.audio, b.length, &b.segments, &b.shares)
+            );
+            assert_eq!(rounded, b.peaks);
+        }
+        assert!(super::read(&bytes, &contacts[1..]).is_err());
+        assert!(super::read(&bytes, &[Contact::Continuous; 3]).is_err());
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+        /// A checksum tells damage, but not malice.
+        #[test]
+        fn what_is_read_of_anything_points_at_what_is_there(
+            changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..5),
+            cut in prop::option::of(any::<prop::sample::Index>()),
+        ) {
+            let (items, contacts) = items();
+            let bytes = write(&items, &contacts).unwrap();
+            let mut content = packed::open(KIND, &bytes, true).unwrap();
+            for (index, value) in changes {
+                let at = index.index(content.len());
+                content[at] = value;
+            }
+            if let Some(cut) = cut {
+                content.truncate(cut.index(content.len()));
+            }
+            let sealed = packed::seal(KIND, &content, true).unwrap();
+            let Ok(items) = read(&sealed, &contacts) else { return Ok(()) };
+            let lengths: Vec<usize> = items.iter().flat_map(|i| i.segments.iter().map(|s| s.length)).collect();
+            for item in &items {
+                prop_assert!(item.segments.iter().all(|s| s.start + s.length <= item.length && s.length > 0));
+                let sum: usize = item.segments.iter().map(|s| s.length).sum();
+                prop_assert!(sum <= 4 * item.length + 64);
+                prop_assert!(item.shares.iter().all(|s| s.start + s.length <= item.length && s.gain.is_finite()));
+                for peak in &item.peaks {
+                    prop_assert!(peak.start as usize + lengths[peak.grain as usize] <= item.length);
+                }
+            }
+        }
+    }
 }
