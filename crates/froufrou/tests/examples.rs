@@ -88,9 +88,21 @@ fn the_log_of_the_physics_engine_holds_what_the_readme_says() {
     assert!(near(&at("block", "ramp"), 0.14) && near(&at("coin", "ground"), 0.24));
     assert!(near(&at("ball", "ground"), 1.52) && near(&at("block", "ground"), 1.52));
     assert!(near(&at("ball", "brick0"), 1.91));
-    assert!(at("brick", "brick").iter().all(|&t| t < 0.035) && events.len() < 40, "{}", events.len());
+    assert!(at("brick", "brick").iter().all(|&t| t < 0.035) && at("", "").len() < 40);
+    // The ball rolls and the block slides; what rests, does neither.
+    let share = |a: &str, b: &str, rolls: bool| {
+        let of_pair = |event: &&Event| match event {
+            Event::Slide(rub) | Event::Roll(rub) => rub.a == a && rub.b == b && rub.time_s > 0.2,
+            Event::Impact(_) => false,
+        };
+        let all: Vec<&Event> = events.iter().filter(of_pair).collect();
+        let alike = all.iter().filter(|event| matches!(event, Event::Roll(_)) == rolls).count();
+        alike as f64 / all.len() as f64
+    };
+    assert!(share("ball", "ramp", true) > 0.95 && share("block_slide", "ramp", false) > 0.99);
     let counts = count_by_object(&production);
-    assert_eq!(counts.keys().collect::<Vec<_>>(), ["ball", "block", "brick", "coin", "ramp"]);
+    let names = ["ball", "block", "brick", "coin", "ramp"];
+    assert!(names.iter().all(|name| counts.keys().any(|object| object.starts_with(name))), "{counts:?}");
 }
 
 #[test]
