@@ -471,26 +471,6 @@ mod tests {
         }
     }
 
-    /// Takes 4.3 GB of disk and twice that of memory: `cargo test -p froufrou --release -- --ignored gib`.
-    #[test]
-    #[ignore = "takes 4.3 GB of disk and 9 GB of memory"]
-    fn a_file_beyond_4_gib_is_read_back() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("x.wav");
-        let mut writer = WavWriter::create(&path, format(SampleFormat::Float32, 2)).unwrap();
-        let block = vec![0.25; 1 << 21];
-        for _ in 0..512 {
-            writer.write(&block).unwrap();
-        }
-        writer.write(&[0.5, -0.5]).unwrap();
-        let written = writer.finish().unwrap();
-        assert_eq!(written.frames, (1 << 29) + 1);
-        assert!(std::fs::metadata(&path).unwrap().len() > 1 << 32);
-        let recording = Recording::open(&path).unwrap();
-        assert_eq!(recording.frames() as u64, written.frames);
-        assert_eq!([0, 1].map(|c| *recording.channels[c].last().unwrap()), [0.5, -0.5]);
-    }
-
     #[test]
     fn what_cannot_be_written_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
