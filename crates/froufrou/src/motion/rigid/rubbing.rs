@@ -17,6 +17,9 @@ const GOES_ON: f64 = 0.6;
 /// By how much slip must differ to be taken for the other way of rubbing.
 const KEEPS: f64 = 0.75;
 
+/// What moves more slowly than this, in metres a second, stands still until it is hit.
+const STANDS_MPS: f64 = 0.02;
+
 /// How a body moves within an interval.
 struct Moving {
     at: DVec3,
@@ -57,6 +60,15 @@ impl Mover {
         let Some(step) = self.track.step(frame) else {
             return Moving { at: end.at, velocity: DVec3::ZERO, spin: DVec3::ZERO };
         };
+        // What was still until something hit what it stands on did not move before.
+        if let Some(wakes_s) = self.wakes_s.filter(|wakes_s| to_s - wakes_s > 0.1 * step.lasts_s) {
+            if time_s < wakes_s {
+                return Moving { at: start.at, velocity: DVec3::ZERO, spin: DVec3::ZERO };
+            }
+            let more = step.lasts_s / (to_s - wakes_s);
+            let velocity = step.velocity * more;
+            return Moving { at: end.at - velocity * (to_s - time_s), velocity, spin: step.spin * more };
+        }
         let from_middle_s = time_s - 0.5 * (from_s + to_s);
         let acceleration = self.track.smooth_acceleration(frame).unwrap_or(DVec3::ZERO);
         let twist = match frame.checked_sub(1).and_then(|before| self.track.step(before)) {
@@ -111,10 +123,41 @@ impl Analyser {
         }
     }
 
+    /// Finds when bodies that stood still were woken by a hit, through whatever they touch.
+    fn wake(&mut self) {
+        let stands = |mover: &Mover| {
+            let turning_mps = mover.piece.spin.length() * mover.body.shape.reach_m();
+            mover.body.moves && mover.piece.velocity.length() + turning_mps < STANDS_MPS
+        };
+        loop {
+            let mut changes = false;
+            for (bodies, _) in self.pairs.iter().filter(|(_, pair)| pair.touches) {
+                for [one, other] in
+                    [*bodies, [bodies[1], bodies[0]]].map(|pair| pair.map(|body| body as usize))
+                {
+                    let cause = &self.movers[one];
+                    let since_s = cause.hit.map(|hit| hit.first_s).or(cause.wakes_s);
+                    let mover = &self.movers[other];
+                    let Some(since_s) = since_s.filter(|_| mover.hit.is_none() && stands(mover)) else {
+                        continue;
+                    };
+                    if mover.wakes_s.is_none_or(|wakes_s| since_s < wakes_s) {
+                        self.movers[other].wakes_s = Some(since_s);
+                        changes = true;
+                    }
+                }
+            }
+            if !changes {
+                return;
+            }
+        }
+    }
+
     /// Tells of every moment of an interval in which bodies slide or roll along each other.
     pub(super) fn rubs(&mut self, frame: usize, from_s: f64, to_s: f64, events: &mut Vec<Event>) {
         let touching: Vec<[u32; 2]> =
             self.pairs.iter().filter(|(_, pair)| pair.touches).map(|(bodies, _)| *bodies).collect();
+        self.wake();
         // Moments lie where they do whatever the frames are; the first that ends in this interval.
         let first = (from_s / MOMENT_S - 0.5).floor() as i64;
         for bodies in touching {

@@ -344,3 +344,26 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn contacts_are_of_a_log_or_of_bodies() -> Result<()> {
+    let scene = parse(
+        "[material.oak]\ndensity = 700\n[[object]]\nname = 'ball'\nposition = [0, 0, 0]\nmass = 2.5\nmaterial = 'oak'\n\
+         [[contacts]]\nbodies = ['ball', 'box*']\ngravity = [0, -1.62, 0]\n[[contacts]]\nbodies = '*'",
+    )?;
+    assert_eq!((scene.materials[0].density, scene.objects[0].mass_kg), (700.0, Some(2.5)));
+    let texts = |index: usize| scene.touching[index].bodies.iter().map(NamePattern::text).collect::<Vec<_>>();
+    assert_eq!((texts(0), texts(1)), (vec!["ball", "box*"], vec!["*"]));
+    assert_eq!(scene.touching[0].gravity_mps2, [0.0, -1.62, 0.0]);
+    assert_eq!(scene.touching[1].gravity_mps2, [0.0, -9.81, 0.0]);
+    assert!(scene.contacts.is_empty());
+
+    let both = fault("[[contacts]]\nbodies = ['*']\nlog = 'contacts.csv.gz'");
+    assert!(both.contains("log") && both.contains("bodies"), "{both}");
+    assert!(fault("[[contacts]]\nbodies = []").contains("names of objects"));
+    assert!(fault("[[contacts]]\nbodies = ['*']\nstep = 0.01").contains("`log`"));
+    assert!(fault("[[contacts]]\nbodies = ['[']").contains("2:"));
+    assert!(fault("[[object]]\nname = 'x'\nmass = 0").contains("mass"));
+    assert!(fault("[material.x]\ndensity = -1").contains("density"));
+    Ok(())
+}
