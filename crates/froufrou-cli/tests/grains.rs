@@ -1,5 +1,6 @@
 //! Runs `froufrou grains` on small recordings.
 
+#[allow(dead_code)]
 mod common;
 
 use std::path::Path;

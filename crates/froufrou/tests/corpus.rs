@@ -8,7 +8,7 @@ use std::path::Path;
 use froufrou::corpus::dictionary::builder::{Built, Options, Stage, build};
 use froufrou::corpus::dictionary::manifest::{LabelledBy, Manifest, Storage};
 use froufrou::corpus::dictionary::{Action, Dictionary, Settings};
-use froufrou::corpus::grains::{Contact, GrainKind};
+use froufrou::corpus::grains::Contact;
 use froufrou::random::Random;
 use froufrou::render::wav::{SampleFormat, WavFormat, WavWriter};
 
