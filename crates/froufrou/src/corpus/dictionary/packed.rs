@@ -176,7 +176,7 @@ mod tests {
 
     #[test]
     fn sealed_content_comes_back_or_tells_its_damage() {
-        let content: Vec<u8> = (0..5000u32).map(|i| (i * i >> 7) as u8).collect();
+        let content: Vec<u8> = (0..5000u32).map(|i| ((i * i) >> 7) as u8).collect();
         for pack in [true, false] {
             let sealed = seal("kind 1", &content, pack).unwrap();
             assert_eq!(open("kind 1", &sealed, pack).unwrap(), content);

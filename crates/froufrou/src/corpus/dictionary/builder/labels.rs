@@ -101,8 +101,9 @@ fn by_words(manifest: &[(GlobMatcher, Action)], name: &str) -> Option<(Action, L
 /// The last word of a name that tells what bodies do. Words begin where letters do.
 fn word(name: &str) -> Option<Action> {
     let lower = name.to_lowercase();
-    let words = lower.split(|c: char| !c.is_alphabetic()).filter(|word| !word.is_empty());
-    words.filter_map(|word| WORDS.iter().find(|(known, _)| word.starts_with(known))).last().map(|(_, a)| *a)
+    let words = lower.rsplit(|c: char| !c.is_alphabetic()).filter(|word| !word.is_empty());
+    let known = |word: &str| WORDS.iter().find(|(known, _)| word.starts_with(known));
+    words.filter_map(known).next().map(|(_, action)| *action)
 }
 
 /// `labels.toml`: patterns of names, and what bodies do there; the first that fits counts.
