@@ -40,7 +40,8 @@
 //! # Times
 //!
 //! `time_s` is the end of the step. Bodies that come together touch when the gap that they had as the step began is closed
-//! at the speed they had; an impact is told at that time, held within its step. Its speeds are those before the step.
+//! at the speed they had; an impact is told at that time, held within its step. Its speeds are those before the step, and
+//! places are those of the step's beginning.
 //!
 //! # Cost
 //!
@@ -220,7 +221,14 @@ impl Listener {
             let handle = body?;
             self.moving.get(handle.into_raw_parts().0 as usize).copied().flatten()
         });
-        let states = moving.map(|moving| moving.map(|moving| moving.now));
+        // Contacts are those of the step's beginning, and how bodies move then is how they go on.
+        let states = moving.map(|moving| {
+            moving.map(|Moving { before, now, .. }| BodyState {
+                velocity_mps: now.velocity_mps,
+                angular_velocity_rps: now.angular_velocity_rps,
+                ..before
+            })
+        });
         let before = moving.map(|moving| moving.map_or(BodyState::STILL, |moving| moving.before));
         for manifold in pair.solver_manifolds() {
             // From the first collider to the second.
@@ -232,8 +240,17 @@ impl Listener {
                 if impulse_ns <= 0.0 {
                     continue;
                 }
-                let (on1, on2) = manifold.data.solver_contact_world_points(contact, bodies);
-                let position_m = vector((on1 + on2) * 0.5);
+                // The anchors ride on the bodies from the step's beginning, but for those in the world.
+                let dominance = manifold.data.relative_dominance;
+                let anchors = [(contact.anchor1, dominance > 0), (contact.anchor2, dominance < 0)];
+                let on: [[f64; 3]; 2] = std::array::from_fn(|i| {
+                    let (anchor, in_world) = anchors[i];
+                    let body = parents[i].filter(|_| !in_world).and_then(|body| bodies.get(body));
+                    body.map_or(vector(anchor), |body| {
+                        before[i].world_m(vector(body.mass_properties().local_mprops.local_com + anchor))
+                    })
+                });
+                let position_m: [f64; 3] = std::array::from_fn(|i| 0.5 * (on[0][i] + on[1][i]));
                 let [va, vb] = before.map(|state| state.velocity_at(position_m));
                 let between: [f64; 3] = std::array::from_fn(|i| vb[i] - va[i]);
                 let apart_mps = dot(between, normal);

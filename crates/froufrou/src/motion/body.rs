@@ -42,6 +42,12 @@ impl BodyState {
         (DQuat::from_array(self.rotation).conjugate() * arm).to_array()
     }
 
+    /// A point of its own frame in the world, in metres.
+    pub fn world_m(&self, local_m: [f64; 3]) -> [f64; 3] {
+        let turned = DQuat::from_array(self.rotation) * DVec3::from(local_m);
+        (turned + DVec3::from(self.position_m)).to_array()
+    }
+
     /// How fast it moves from one pose to another in a time, from the poses alone. The velocities of both are
     /// left out.
     pub(crate) fn velocities_between(before: &Self, after: &Self, span_s: f64) -> [[f64; 3]; 2] {
@@ -89,6 +95,7 @@ mod tests {
             let body = BodyState { position_m: place, rotation: rotation.to_array(), ..BodyState::STILL };
             let world = rotation * DVec3::from(point) + DVec3::from(place);
             prop_assert!((DVec3::from(body.local_m(world.to_array())) - DVec3::from(point)).length() < 1e-9);
+            prop_assert!((DVec3::from(body.world_m(point)) - world).length() < 1e-9);
         }
     }
 }

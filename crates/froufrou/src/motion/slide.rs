@@ -4,7 +4,7 @@
 //! Time is cut into moments of [`MOMENT_S`], or of a step of the simulation where that is longer. For
 //! every pair of bodies and every moment all contact points are taken together, each weighted by its
 //! impulse J = F·Δt: the speed is Σ J·v / Σ J, the place Σ J·p / Σ J, and the force the impulse of the
-//! moment over its length, so that a contact that flickers presses as hard as its weight is.
+//! moment over the length of its steps, so that a contact that flickers presses as hard as its weight is.
 //!
 //! What a moment is, [`rub`](super::rub) says from two speeds.
 //!
@@ -162,7 +162,7 @@ struct Track {
     time_s: f64,
     position: DVec3,
     /// The same on both bodies, where their motion is known.
-    on_m: Option<[DVec3; 2]>,
+    on_m: Option<([DVec3; 2], [DQuat; 2])>,
 }
 
 /// What is known of a pair.
@@ -193,6 +193,8 @@ pub struct Analyser {
     /// Moments before this one are settled.
     settled: i64,
     time_s: Option<f64>,
+    /// The last time stamp of the moment before.
+    before_s: Option<f64>,
     /// The length of the step of the last time stamp.
     step_s: f64,
 }
@@ -213,6 +215,7 @@ impl Analyser {
             found: BTreeMap::new(),
             settled: i64::MIN,
             time_s: None,
+            before_s: None,
             step_s: typical_s,
         }
     }
@@ -257,18 +260,18 @@ impl Analyser {
             let since_s = time_s - last_s;
             self.step_s = if since_s <= 1.5 * typical_s { since_s } else { typical_s };
         }
-        self.time_s = Some(time_s);
+        let last_s = self.time_s.replace(time_s);
         // A time stamp is the end of its step.
         let now = ((time_s / self.moment_s) - 1e-6).floor() as i64;
         if now > self.now {
-            self.turn_to(now);
+            self.turn_to(now, last_s);
         }
     }
 
     /// Says that no more rows follow.
     pub fn finish(&mut self) {
         self.take_step();
-        self.turn_to(i64::MAX);
+        self.turn_to(i64::MAX, self.time_s);
     }
 
     /// The time of the next moment that is settled.
@@ -318,9 +321,14 @@ impl Analyser {
         self.touches = touches;
     }
 
-    /// Ends the moment that was summed and goes on to another.
-    fn turn_to(&mut self, now: i64) {
+    /// Ends the moment that was summed, whose last time stamp is this, and goes on to another.
+    fn turn_to(&mut self, now: i64, last_s: Option<f64>) {
         let ended = std::mem::replace(&mut self.now, now);
+        // Of steps that do not divide a moment now one more falls into it, now one less.
+        let before_s = std::mem::replace(&mut self.before_s, last_s);
+        let covered_s = last_s.zip(before_s).map(|(last_s, before_s)| last_s - before_s);
+        let usual = 0.5 * self.moment_s..=1.5 * self.moment_s;
+        let covered_s = covered_s.filter(|covered_s| usual.contains(covered_s)).unwrap_or(self.moment_s);
         self.asleep.clear();
         std::mem::swap(&mut self.awake, &mut self.asleep);
         let mut left_pending = false;
@@ -332,7 +340,7 @@ impl Analyser {
                     self.found.insert((index, bodies), rubbed);
                 }
             };
-            let moment = life.sum.take().and_then(|sum| sum.moment(ended, self.moment_s));
+            let moment = life.sum.take().and_then(|sum| sum.moment(ended, covered_s));
             if moment.is_some() {
                 life.last = ended;
             }
@@ -380,7 +388,7 @@ fn follow(tracks: &mut Vec<Track>, points: &[Touch], time_s: f64, sum: &mut Sum)
     let of = |point: &Touch| Track {
         time_s,
         position: point.position,
-        on_m: point.motion.map(|motion| motion.on_m),
+        on_m: point.motion.map(|motion| (motion.on_m, motion.turns)),
     };
     let old = tracks.len();
     for (number, point) in points.iter().enumerate().take(MOST_TRACKS) {
@@ -403,8 +411,11 @@ fn follow(tracks: &mut Vec<Track>, points: &[Touch], time_s: f64, sum: &mut Sum)
         let in_world = point.position - before.position;
         let way = match (point.motion, before.on_m) {
             // The mean of the ways over both, in the axes of the world.
-            (Some(motion), Some(on_m)) => {
-                let over = |body: usize| motion.turns[body] * (motion.on_m[body] - on_m[body]);
+            (Some(motion), Some((on_m, turns))) => {
+                let over = |body: usize| {
+                    let way = motion.on_m[body] - on_m[body];
+                    0.5 * (motion.turns[body] * way + turns[body] * way)
+                };
                 0.5 * (over(0) + over(1))
             }
             _ => in_world,
@@ -441,10 +452,10 @@ impl Sum {
     }
 
     /// What the pair did, if numbers say anything.
-    fn moment(&self, index: i64, moment_s: f64) -> Option<Moment> {
+    fn moment(&self, index: i64, covered_s: f64) -> Option<Moment> {
         let slip_mps = self.slid / self.impulse_ns;
         let position_m = (self.position / self.impulse_ns).to_array();
-        let force_n = self.impulse_ns / moment_s;
+        let force_n = self.impulse_ns / covered_s;
         // What goes to and fro stays where it is.
         let steady = self.travelled_s > 0.0 && self.travel.length() >= 0.5 * self.way;
         let point_mps = steady.then(|| self.travel / self.travelled_s);
