@@ -22,7 +22,7 @@ fn at(x: f64, y: f64, z: f64) -> Transform {
 fn frames(count: usize, apart_m: f64) -> Vec<Vec<Transform>> {
     let side = (count as f64).sqrt().ceil() as usize;
     let height = |body: usize, time_s: f64| {
-        if body % 3 != 0 {
+        if !body.is_multiple_of(3) {
             return 0.0;
         }
         // Up and down within a second.

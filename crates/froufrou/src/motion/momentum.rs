@@ -453,7 +453,8 @@ impl Momentum {
                 let radius_m = self.survey.radii_m[flight.body as usize].max(partner.reach_m);
                 let gap_m = (partner.reach_m - height_m).max(height_m - radius_m).max(0.0);
                 let reach_m = radius_m + gain.abs() * 0.1 * span_s;
-                if !(gap_m <= 0.3 * reach_m) {
+                // What is no number is near nobody.
+                if gap_m > 0.3 * reach_m || gap_m.is_nan() || reach_m.is_nan() {
                     continue;
                 }
                 let fit = gap_m / reach_m + (1.0 - along);

@@ -86,9 +86,9 @@ impl MovingBodies {
             over: false,
         };
         events.next_s = events.after(f64::MIN);
-        for index in 0..bodies.len() {
+        for (index, body) in bodies.iter_mut().enumerate() {
             if events.stands_still(index).map_err(|fault| fault.in_file(&scene.file))? {
-                bodies[index] = bodies[index].clone().fixed();
+                *body = body.clone().fixed();
             }
         }
         events.analyser = Analyser::new(bodies, touching.gravity_mps2);
@@ -121,7 +121,8 @@ impl MovingBodies {
         while let Some(next_s) = carrier.next_key_s(time_s) {
             time_s = next_s;
             let now = carrier.frame(time_s)?;
-            let differs = |(a, b): (&f64, &f64)| !((a - b).abs() <= STILL);
+            // A frame that is no number does not stand still: it is told when it comes.
+            let differs = |(a, b): (&f64, &f64)| (a - b).abs() > STILL || (a - b).is_nan();
             if first.as_flattened().iter().zip(now.as_flattened()).any(differs) {
                 return Ok(false);
             }

@@ -495,7 +495,7 @@ impl Moment {
             Rubbing::Slide => self.slip_mps,
             Rubbing::Roll => self.rolling_mps,
         };
-        (speed_mps >= LEAST_MPS).then(|| Rubbed {
+        (speed_mps >= LEAST_MPS).then_some(Rubbed {
             how,
             time_s: (self.index as f64 + 0.5) * moment_s,
             lasts_s: moment_s,

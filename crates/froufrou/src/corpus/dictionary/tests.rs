@@ -17,7 +17,7 @@ pub(super) fn hits(seed: u64, seconds: f64) -> Vec<f32> {
             .enumerate()
             .map(|(m, hz)| hz * (0.97 + 0.06 * random.uniform(10 * hit + 1 + m as u64)))
             .collect();
-        for i in at..length.min(at + 12_000) {
+        for (i, to) in sound.iter_mut().enumerate().skip(at).take(12_000) {
             let t = (i - at) as f64 / f64::from(RATE_HZ);
             let ring: f64 = modes
                 .iter()
@@ -27,7 +27,7 @@ pub(super) fn hits(seed: u64, seconds: f64) -> Vec<f32> {
                 })
                 .sum();
             let click = (-t * 900.0).exp() * (2.0 * random.uniform(i as u64 + 7919 * hit) - 1.0);
-            sound[i] += (strength * (ring + 0.4 * click)) as f32;
+            *to += (strength * (ring + 0.4 * click)) as f32;
         }
         at += 6000 + random.below(10 * hit + 5, 9000);
         hit += 1;
