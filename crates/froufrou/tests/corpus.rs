@@ -119,7 +119,7 @@ fn a_corpus_holds_what_was_recorded() {
     let weight = built.manifest.weight;
     assert_eq!((weight.originals_bytes, weight.mono_bytes), (102_000, 102_000));
     assert!(weight.error_db.is_none_or(|db| db < -45.0) && weight.grains == dictionary.grains().len());
-    let files: u64 = shipped(&folder.path().join("corpus")).iter().map(|(_, bytes)| bytes.len() as u64).sum();
+    let files: u64 = shipped(&folder.path().join("corpus")).values().map(|bytes| bytes.len() as u64).sum();
     let toml = std::fs::metadata(folder.path().join("corpus/corpus.toml")).unwrap().len();
     assert_eq!(weight.audio_bytes + weight.patterns_bytes, files - toml);
     // It needs neither its recordings nor its cache.
@@ -132,7 +132,8 @@ fn a_corpus_holds_what_was_recorded() {
 fn only_what_is_new_is_computed_and_the_bytes_are_those_of_a_fresh_build() {
     let folder = studio();
     let path = folder.path();
-    let steps: [(&dyn Fn(&Path), usize, usize); 5] = [
+    type Step<'a> = (&'a dyn Fn(&Path), usize, usize);
+    let steps: [Step<'_>; 5] = [
         (&|_| (), 5, 25),
         (&|_| (), 0, 0),
         // One more: its row and its column.

@@ -188,23 +188,28 @@ fn impacts_know_their_speeds_and_places_on_both() {
     assert!((on_ball.iter().map(|c| c * c).sum::<f64>().sqrt() - 0.06).abs() < 0.002, "{on_ball:?}");
 }
 
-/// What "the same events" means of a log with every n-th step alone: blows above 0.1 N s whose pair has no other one
-/// within three frames are found, so near in time and with that impulse, and nothing else is that loud.
+/// What "the same events" means of a log with every n-th step alone: blows above a floor, which goes with the frames,
+/// whose pair has no other one within three frames are found, so near in time and with that impulse, and nothing else is
+/// that loud.
 #[test]
 fn thinned_logs_tell_the_same_events() {
     let Some(data) = data() else { return };
     let whole = events(&data, 1, SCENE);
     let whole = impacts(&whole);
-    for (every, time_s, share) in [(16, 0.001, 0.13), (32, 0.004, 0.13)] {
+    for (every, floor_ns, time_s, share) in [(16, 0.1, 0.001, 0.13), (32, 0.25, 0.004, 0.13)] {
         let thinned = events(&data, every, SCENE);
         let thinned = impacts(&thinned);
         let near_s = 3.0 * every as f64 / 1000.0;
         let pair = |a: &Impact, b: &Impact| a.a == b.a && a.b == b.b;
         // The bricks settle in the first frames, from 1 mm above each other.
-        let loud = |hit: &&&Impact| hit.impulse_ns > 0.1 && hit.time_s > near_s.max(0.05);
+        let loud = |hit: &&&Impact| hit.impulse_ns > floor_ns && hit.time_s > near_s.max(0.05);
         let mut alone = 0;
         for hit in whole.iter().filter(loud) {
+<<<<<<< HEAD
             let others = whole.iter().filter(|other| pair(other, hit) && !std::ptr::eq(**other, *hit));
+=======
+            let others = whole.iter().filter(|other| pair(other, hit) && other.time_s != hit.time_s);
+>>>>>>> lives
             let others: Vec<_> = others.filter(|other| (other.time_s - hit.time_s).abs() < near_s).collect();
             // The echo of a bounce is a tenth of it.
             let is_alone = others.iter().all(|other| other.impulse_ns < 0.15 * hit.impulse_ns);
@@ -225,7 +230,7 @@ fn thinned_logs_tell_the_same_events() {
                 alone += 1;
             }
         }
-        assert!(alone >= 5, "{alone}");
+        assert!(alone >= 4, "{alone}");
         for found in thinned.iter().filter(loud) {
             let told = whole.iter().any(|hit| pair(hit, found) && (hit.time_s - found.time_s).abs() < near_s);
             assert!(told, "invented: {found:?}");

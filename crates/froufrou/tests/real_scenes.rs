@@ -28,8 +28,11 @@ fn data() -> Option<PathBuf> {
     None
 }
 
+/// What bodies do, and recordings of it.
+type Recordings<'a> = &'a [(&'a str, &'a [&'a str])];
+
 /// Makes the scene of an example anew in a studio, with a corpus of recordings in the place of each of its own.
-fn workshop(example: &str, corpora: &[(&str, &[(&str, &[&str])])]) -> Studio {
+fn workshop(example: &str, corpora: &[(&str, Recordings<'_>)]) -> Studio {
     let studio = Studio::new();
     let folder = examples().join(example);
     for entry in std::fs::read_dir(&folder).unwrap() {
@@ -59,7 +62,7 @@ fn workshop(example: &str, corpora: &[(&str, &[(&str, &[&str])])]) -> Studio {
     studio
 }
 
-const WOOD: &[(&str, &[&str])] = &[
+const WOOD: Recordings<'_> = &[
     (
         "hit",
         &[
@@ -76,7 +79,7 @@ const WOOD: &[(&str, &[&str])] = &[
     ("slide", &["extremetuxracer/rock_slide.wav"]),
 ];
 
-const STONE: &[(&str, &[&str])] = &[(
+const STONE: Recordings<'_> = &[(
     "hit",
     &[
         "0ad/attack_impact_sling_stone_01.ogg",
@@ -86,7 +89,7 @@ const STONE: &[(&str, &[&str])] = &[(
     ],
 )];
 
-const METAL: &[(&str, &[&str])] = &[
+const METAL: Recordings<'_> = &[
     ("hit", &["sonniss_gdc_bundle3/Kitchen_Kitchenware_Drinks_Glasses_Touching_003.ogg"]),
     ("roll", &["sonniss_gdc_bundle3/Marbles_Handling_Marbles_02.ogg"]),
 ];

@@ -15,7 +15,7 @@
 //!   believed beyond [`MOST_REACH`] times that turn about the nearer body's centre.
 //!
 //! Where nobody knows how the bodies move, one of them is taken to stand still: a contact that travels and does not slip
-//! rolls. So a log without poses takes a load that rests on a moving car for one that rolls.
+//! rolls, where it is a single point that goes on the same way in moment after moment. So a log without poses takes a load that rests on a moving car for one that rolls.
 //!
 //! A pair keeps to what it does: from sliding to rolling, to rest and back it changes with the second moment in
 //! a row, and that is told from the first one on; but what begins to slide faster than [`SURELY_MPS`] does so at once,
@@ -153,6 +153,8 @@ struct Moment {
     position_m: [f64; 3],
     on_m: Option<[[f64; 3]; 2]>,
     force_n: f64,
+    /// Where nobody knows how the bodies move: how fast the contact travels, in metres a second.
+    travels_mps: Option<DVec3>,
     lines: [u64; 2],
 }
 
@@ -173,6 +175,8 @@ struct Life {
     held: Option<Rubbing>,
     /// A moment that may be the first of something else.
     pending: Option<Moment>,
+    /// How fast the contact travelled in the last moment, where that is all that is known.
+    travelled_mps: Option<DVec3>,
     last: i64,
 }
 
@@ -340,7 +344,10 @@ impl Analyser {
                     self.found.insert((index, bodies), rubbed);
                 }
             };
-            let moment = life.sum.take().and_then(|sum| sum.moment(ended, covered_s));
+            let mut moment = life.sum.take().and_then(|sum| sum.moment(ended, covered_s));
+            if let Some(moment) = &mut moment {
+                moment.doubt(&mut life.travelled_mps);
+            }
             if moment.is_some() {
                 life.last = ended;
             }
@@ -391,6 +398,8 @@ fn follow(tracks: &mut Vec<Track>, points: &[Touch], time_s: f64, sum: &mut Sum)
         on_m: point.motion.map(|motion| (motion.on_m, motion.turns)),
     };
     let old = tracks.len();
+    // Where nobody knows how the bodies move, a way between several points may be pressure that changes hands.
+    let is_alone = points.len() == 1 && old <= 1;
     for (number, point) in points.iter().enumerate().take(MOST_TRACKS) {
         let before = &tracks[..old];
         let found = nearest(point.position, &mut before.iter().map(|track| track.position));
@@ -425,7 +434,7 @@ fn follow(tracks: &mut Vec<Track>, points: &[Touch], time_s: f64, sum: &mut Sum)
             let [a, b] = motion.surfaces_mps.map(DVec3::length);
             2.0 * (a.max(b) + motion.reach_mps) * span_s + ROUNDING_M
         });
-        if in_world.length() <= most_m {
+        if in_world.length() <= most_m && (is_alone || point.motion.is_some()) {
             sum.travel += way * point.impulse_ns;
             sum.way += length * point.impulse_ns;
             sum.travelled_s += span_s * point.impulse_ns;
@@ -481,12 +490,27 @@ impl Sum {
             position_m,
             on_m: on_m.filter(|on| on.iter().flatten().all(|c| c.is_finite())),
             force_n,
+            travels_mps: point_mps.filter(|_| !moved),
             lines: self.lines.unwrap_or_default(),
         })
     }
 }
 
 impl Moment {
+    /// Where only the points' ways tell of rolling, they do so as they go on the same way as in the moment before: those of
+    /// a pressure that wanders do not.
+    fn doubt(&mut self, before_mps: &mut Option<DVec3>) {
+        let before_mps = std::mem::replace(before_mps, self.travels_mps);
+        let Some(now_mps) = self.travels_mps.filter(|_| self.raw == Rubbing::Roll) else { return };
+        let goes_on = before_mps.is_some_and(|before_mps| {
+            let (before, now) = (before_mps.length(), now_mps.length());
+            before_mps.dot(now_mps) > 0.8 * before * now && before < 1.5 * now && now < 1.5 * before
+        });
+        if !goes_on {
+            self.raw = if self.slip_mps >= LEAST_MPS { Rubbing::Slide } else { Rubbing::Rest };
+        }
+    }
+
     /// The moment as one of what the pair is held to do; nothing at rest.
     fn told(&self, held: Option<Rubbing>, bodies: [u32; 2], moment_s: f64) -> Option<Rubbed> {
         let how = held.unwrap_or(Rubbing::Rest);

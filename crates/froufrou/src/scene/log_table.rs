@@ -48,6 +48,8 @@ pub(super) struct LogTable {
     unread: Arc<AtomicU64>,
     record: csv::ByteRecord,
     header: Vec<String>,
+    /// The line of the record.
+    line: u64,
 }
 
 impl LogTable {
@@ -73,9 +75,9 @@ impl LogTable {
             csv::ReaderBuilder::new().trim(csv::Trim::All).buffer_capacity(1 << 16).from_reader(watched);
         let header: Vec<String> = match reader.byte_headers() {
             Ok(header) => header.iter().map(|name| String::from_utf8_lossy(name).into_owned()).collect(),
-            Err(fault) => return Err(read_fault(fault).in_file(file)),
+            Err(fault) => return Err(read_fault(fault).in_file(file).at(at_line(1))),
         };
-        Ok(Self { file, reader, unread, record: csv::ByteRecord::new(), header })
+        Ok(Self { file, reader, unread, record: csv::ByteRecord::new(), header, line: 1 })
     }
 
     /// The file's name.
@@ -110,10 +112,13 @@ impl LogTable {
     /// Goes to the next record; its line, or nothing after the last.
     pub(super) fn advance(&mut self) -> Result<Option<u64>> {
         self.unread.store(0, Ordering::Relaxed);
-        if !self.reader.read_byte_record(&mut self.record).map_err(read_fault)? {
+        // What cannot be read stands somewhere after the record before.
+        let after = |fault| read_fault(fault).at(at_line(self.line + 1));
+        if !self.reader.read_byte_record(&mut self.record).map_err(after)? {
             return Ok(None);
         }
-        Ok(Some(self.record.position().map_or(0, csv::Position::line)))
+        self.line = self.record.position().map_or(0, csv::Position::line);
+        Ok(Some(self.line))
     }
 
     /// Numbers of the record.

@@ -104,8 +104,8 @@ fn a_ball_rolls_with_poses_and_without() {
         rows.iter().map(|(row, _)| ContactRow { sliding_mps: Some(1e-4), ..row.clone() }).collect();
     let without = unknown(told);
     for found in [&with, &without] {
-        // The last of the first moment's ten steps stands in the second; the first one is told late.
-        assert!(found.len() >= 29, "{}", found.len());
+        // Without poses the first moment only tells which way it goes.
+        assert!(found.len() >= 28, "{}", found.len());
         for roll in found {
             assert_eq!(roll.how, Rubbing::Roll);
             assert!((roll.speed_mps - speed).abs() < 1e-3 && (roll.force_n - 4.9).abs() < 0.5, "{roll:?}");
