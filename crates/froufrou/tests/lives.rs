@@ -205,11 +205,7 @@ fn thinned_logs_tell_the_same_events() {
         let loud = |hit: &&&Impact| hit.impulse_ns > floor_ns && hit.time_s > near_s.max(0.05);
         let mut alone = 0;
         for hit in whole.iter().filter(loud) {
-<<<<<<< HEAD
-            let others = whole.iter().filter(|other| pair(other, hit) && !std::ptr::eq(**other, *hit));
-=======
             let others = whole.iter().filter(|other| pair(other, hit) && other.time_s != hit.time_s);
->>>>>>> lives
             let others: Vec<_> = others.filter(|other| (other.time_s - hit.time_s).abs() < near_s).collect();
             // The echo of a bounce is a tenth of it.
             let is_alone = others.iter().all(|other| other.impulse_ns < 0.15 * hit.impulse_ns);
