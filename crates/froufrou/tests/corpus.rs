@@ -9,6 +9,8 @@ use froufrou::corpus::dictionary::builder::{Built, Options, Stage, build};
 use froufrou::corpus::dictionary::manifest::{LabelledBy, Manifest, Storage};
 use froufrou::corpus::dictionary::{Action, Dictionary, Settings};
 use froufrou::corpus::grains::Contact;
+#[cfg(feature = "vorbis")]
+use froufrou::corpus::grains::GrainKind;
 use froufrou::random::Random;
 use froufrou::render::wav::{SampleFormat, WavFormat, WavWriter};
 

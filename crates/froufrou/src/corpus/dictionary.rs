@@ -153,6 +153,8 @@ pub struct Entry {
     pub start: usize,
     /// Of the window, in samples.
     pub length: usize,
+    /// How long the window rises at its beginning and falls at its end, in samples.
+    pub tapers: [usize; 2],
     /// The sum of squares of the piece, without the window.
     pub energy: f64,
     /// The mean frequency of the windowed piece, weighted by magnitude.

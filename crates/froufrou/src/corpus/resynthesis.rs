@@ -74,7 +74,11 @@ impl Sequence {
 /// Where there is no such recording.
 pub fn resynthesise(dictionary: &Dictionary, recording: usize, own: Own) -> Result<Sequence> {
     let trails = trails(dictionary, recording, own, true)?;
-    let chosen = trails.iter().flat_map(|trail| trail.way(|_| 1.0));
+    let chosen = trails.iter().flat_map(|trail| {
+        let way = trail.way(|_| 1.0);
+        // Its own grains leave nothing out but what is too quiet to be one.
+        if own == Own::With { way } else { trail.filled(dictionary, recording, way) }
+    });
     Ok(Sequence { length: dictionary.recordings()[recording].length, chosen: chosen.collect() })
 }
 
@@ -193,6 +197,7 @@ fn trails(dictionary: &Dictionary, recording: usize, own: Own, in_place: bool) -
             let fits = (entry.kind == GrainKind::Sinusoidal) == is_sinusoidal;
             let start = placed.start as usize;
             (fits && may(entry, start)).then_some(Place {
+                tapers: entry.tapers,
                 grain: placed.grain as usize,
                 start,
                 end: start + entry.length,

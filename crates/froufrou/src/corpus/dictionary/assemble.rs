@@ -41,7 +41,7 @@ impl Cut {
                 .segments
                 .par_iter()
                 .zip(&windows)
-                .map_init(RealFftPlanner::new, |planner, (segment, window)| {
+                .map_init(RealFftPlanner::new, |planner, (segment, (window, tapers))| {
                     let piece = piece(&sound.parts, segment.kind, segment.start, segment.length);
                     let samples: Vec<f32> =
                         piece.iter().zip(window).map(|(v, w)| (f64::from(*v) * w) as f32).collect();
@@ -50,6 +50,7 @@ impl Cut {
                         kind: segment.kind,
                         start: segment.start,
                         length: samples.len(),
+                        tapers: *tapers,
                         energy: energy(piece),
                         centroid_hz: centroid_hz(&samples, rate_hz, planner),
                     };
@@ -111,10 +112,10 @@ pub(super) fn piece(parts: &[Part], kind: GrainKind, start: usize, length: usize
     part.and_then(|part| part.samples.get(start..start.checked_add(length)?)).unwrap_or_default()
 }
 
-/// The window of each segment, whose mean square is 1: flat but for tapers, each as long as it overlaps with its neighbour, so that
+/// The window of each segment, whose mean square is 1, and its tapers: flat but for tapers, each as long as it overlaps with its neighbour, so that
 /// both add up to 1 there, or where there is none r/2 of its length. A recording of a hit that begins with the attack has no
 /// taper there, which would take the attack away.
-fn windows(segments: &[Segment], taper: f64) -> Vec<Vec<f64>> {
+fn windows(segments: &[Segment], taper: f64) -> Vec<(Vec<f64>, [usize; 2])> {
     let overlap = |from: Option<&Segment>, to: Option<&Segment>| {
         let (from, to) = (from?, to?);
         let overlap = (from.start + from.length).checked_sub(to.start)?;
@@ -135,7 +136,7 @@ fn windows(segments: &[Segment], taper: f64) -> Vec<Vec<f64>> {
         let plain: Vec<f64> = (0..segment.length).map(|i| rise(i, left) * rise(last - i, right)).collect();
         let mean_square = plain.iter().map(|w| w * w).sum::<f64>() / plain.len().max(1) as f64;
         let scale = if mean_square > 0.0 { mean_square.sqrt().recip() } else { 1.0 };
-        plain.into_iter().map(|w| w * scale).collect()
+        (plain.into_iter().map(|w| w * scale).collect(), [left, right])
     };
     segments.iter().enumerate().map(window).collect()
 }

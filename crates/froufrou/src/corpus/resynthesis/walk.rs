@@ -2,6 +2,7 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::ops::Range;
 
 use super::Chosen;
 use crate::corpus::dictionary::Dictionary;
@@ -13,6 +14,8 @@ pub(super) struct Place {
     pub grain: usize,
     pub start: usize,
     pub end: usize,
+    /// How long the grain's window rises and falls.
+    pub tapers: [usize; 2],
     pub correlation: f64,
     pub gain: f32,
 }
@@ -76,9 +79,8 @@ impl Trail {
     /// to a place is the best way to one of those before it, and that one is the same for all that begin later.
     pub fn way(&self, weight: impl Fn(&Place) -> f64) -> Vec<Chosen> {
         // Between the middles of a grain's tapers, which is where neighbours cross over.
-        let half = |place: &Place| self.overlap(place.end - place.start) / 2;
-        let from = |place: &Place| place.start + half(place);
-        let to = |place: &Place| place.end - half(place);
+        let from = |place: &Place| place.start + place.tapers[0] / 2;
+        let to = |place: &Place| place.end - place.tapers[1].div_ceil(2);
         let mut order: Vec<usize> = (0..self.places.len()).collect();
         order.sort_by_key(|&index| (from(&self.places[index]), index));
         // Of each place the loss up to its end, and the place before.
@@ -121,9 +123,15 @@ impl Trail {
 
     /// One grain after another, each that whose power is nearest to the recording's there; not those of the recording.
     pub fn by_power(&self, dictionary: &Dictionary, recording: usize) -> Vec<Chosen> {
+        self.by_power_within(dictionary, recording, 0..self.energies.len() - 1)
+    }
+
+    /// The same within a range, and beyond its end by no more than a taper unless it is all there is.
+    fn by_power_within(&self, dictionary: &Dictionary, recording: usize, range: Range<usize>) -> Vec<Chosen> {
         let power = |samples: &[f32]| {
             samples.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / samples.len().max(1) as f64
         };
+        let is_whole = range == (0..self.energies.len() - 1);
         let grains: Vec<(usize, usize, f64)> = dictionary
             .grains()
             .iter()
@@ -133,15 +141,18 @@ impl Trail {
             })
             .map(|(number, e)| (number, e.length, power(dictionary.samples(number))))
             .collect();
-        let length = self.energies.len() - 1;
         let mut chosen = Vec::new();
-        let mut position = 0;
-        while position < length {
+        let mut position = range.start;
+        while position < range.end {
             let there = |&(_, grain_length, _): &(usize, usize, f64)| {
                 self.energy(position, position + grain_length) / grain_length as f64
             };
             let off = |grain: &(usize, usize, f64)| (grain.2.sqrt() - there(grain).sqrt()).abs();
-            let Some(nearest) = grains.iter().min_by(|a, b| off(a).total_cmp(&off(b))) else { break };
+            let fits = |&&(_, length, _): &&(usize, usize, f64)| {
+                is_whole || position + length <= range.end + self.overlap(length)
+            };
+            let nearest = grains.iter().filter(fits).min_by(|a, b| off(a).total_cmp(&off(b)));
+            let Some(nearest) = nearest else { break };
             let &(grain, grain_length, is) = nearest;
             let gain = if is > 0.0 { (there(nearest) / is).sqrt() as f32 } else { 0.0 };
             if gain > 0.0 {
@@ -150,6 +161,21 @@ impl Trail {
             position += (grain_length - self.overlap(grain_length)).max(1);
         }
         chosen
+    }
+
+    /// A way without gaps: where the pattern has nothing, grains of the power that is there.
+    pub fn filled(&self, dictionary: &Dictionary, recording: usize, way: Vec<Chosen>) -> Vec<Chosen> {
+        let length = self.energies.len() - 1;
+        let mut filled = Vec::with_capacity(way.len());
+        let mut behind = 0;
+        for chosen in way {
+            filled.extend(self.by_power_within(dictionary, recording, behind..chosen.start.max(behind)));
+            let grain = dictionary.samples(chosen.grain).len();
+            behind = (chosen.start + grain - self.overlap(grain).min(grain)).min(length);
+            filled.push(chosen);
+        }
+        filled.extend(self.by_power_within(dictionary, recording, behind..length));
+        filled
     }
 
     /// Grains moved apart by a factor, and what opens between them filled; moved together, the strongest stay.
