@@ -357,9 +357,12 @@ fn bad_folders_and_recordings_are_named() {
 fn sound_is_brought_to_one_rate_and_read_from_recordings_where_none_is_stored() {
     let folder = studio();
     let path = folder.path();
-    let stored = built(path, "stored", &Options { rate_hz: Some(16_000), ..Options::default() });
+    // What shares another's sound where sound is stored would be its own where none is.
+    let settings = Some(Settings { share_from: 2.0, ..Settings::default() });
+    let options = Options { rate_hz: Some(16_000), settings, ..Options::default() };
+    let stored = built(path, "stored", &options);
     assert_eq!(stored.manifest.rate_hz, 16_000);
-    let options = Options { rate_hz: Some(16_000), storage: Some(Storage::None), ..Options::default() };
+    let options = Options { storage: Some(Storage::None), ..options };
     built(path, "bare", &options);
     let [stored, bare] = ["stored", "bare"].map(|c| Dictionary::open(&path.join(c)).unwrap());
     assert!(stored == bare);
