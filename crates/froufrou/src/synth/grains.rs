@@ -6,7 +6,7 @@
 //! | quantity | value |
 //! | --- | --- |
 //! | a grain at its own speed | begins on the nearest sample; one multiplication and addition a sample |
-//! | at another speed | that and a reading of [`sinc`](super::sinc) |
+//! | at another speed | that and a reading of [`sinc`] |
 //! | spread | the logarithm of the speed follows straight lines between random values, normally distributed, every [`SPREAD_STEP_S`] |
 //!
 //! A corpus of another rate than the soundtrack is resampled once, when the first thread of that rate begins.

@@ -4,11 +4,11 @@
 //! | --- | --- |
 //! | `scan`: the recordings, in order of their names | |
 //! | `labels`: what bodies do in them | |
-//! | [`prepare`]: one channel, one rate, 16 bits, silence where nothing is loud enough; cuts | a file a recording |
-//! | [`sinusoids`] of continuous ones | a file a recording |
-//! | [`matching`]: each recording with all grains | a file a recording, with the peaks of each other recording's grains |
+//! | `prepare`: one channel, one rate, 16 bits, silence where nothing is loud enough; cuts | a file a recording |
+//! | `sinusoids` of continuous ones | a file a recording |
+//! | `matching`: each recording with all grains | a file a recording, with the peaks of each other recording's grains |
 //! | `share`: what sounds as something before | |
-//! | [`audio`]: encoded sound, and the file of grains and patterns | |
+//! | `audio`: encoded sound, and the file of grains and patterns | |
 //! | `corpus.toml`, which names all files that belong to it | |
 //!
 //! Files in the cache are named by what they were computed from: the content of recordings, labels and settings. So a

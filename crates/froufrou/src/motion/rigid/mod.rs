@@ -3,9 +3,9 @@
 //! Animations tell poses, 24 times a second or so, and nothing of contacts. But between two contacts a body moves in a
 //! way that is known, on a parabola with an even spin, and a pose is exact. So each interval between two frames is
 //! followed through: every body goes on as the frames before say; where two would enter each other, they hit. When
-//! they do is told by where they are then, what becomes of it by the frames behind. [`rebound`] is that decision,
-//! [`interval`] the way through one interval, [`trajectory`] what frames say of motion, [`proximity`] who is near whom
-//! and where, [`load`] how hard bodies press on each other, [`shape`] what they look like.
+//! they do is told by where they are then, what becomes of it by the frames behind. `rebound` is that decision,
+//! `interval` the way through one interval, `trajectory` what frames say of motion, `proximity` who is near whom
+//! and where, `load` how hard bodies press on each other, `shape` what they look like.
 //!
 //! It needs two frames behind an interval, and says nothing of the first one, of which nobody knows how it was
 //! entered. The memory goes with the bodies and the pairs that are near each other.

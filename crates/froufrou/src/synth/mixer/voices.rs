@@ -106,8 +106,8 @@ impl Voices {
         }
     }
 
-    /// Renders the frames from `frame` on. They must have been read ([`Mixer::read_to`]) and not
-    /// released ([`Mixer::release`]). Blocks may be rendered in any order and at the same time.
+    /// Renders the frames from `frame` on. They must have been read (`Mixer::read_to`) and not
+    /// released (`Mixer::release`). Blocks may be rendered in any order and at the same time.
     pub fn render(&self, frame: u64, frames: usize, with_stems: bool) -> Block {
         let mut block = Block { mix: vec![0.0; frames * self.channels], stems: BTreeMap::new() };
         let mut scratch = Scratch { voice: vec![0.0; frames], ..Scratch::default() };
@@ -160,7 +160,7 @@ impl Voices {
 
     /// Renders the frames of a bus's lanes from `frame` on, as [`Voices::render`] does those of the channels: what
     /// arrives at the bus, before its responses. They must have been read as far as the bus is read
-    /// [ahead](Bus::lead) of the channels, which [`Mixer::read_to`] sees to.
+    /// [ahead](Bus::lead) of the channels, which `Mixer::read_to` sees to.
     pub fn render_lanes(&self, bus: usize, frame: u64, frames: usize, with_stems: bool) -> LaneBlock {
         let mut block = LaneBlock { frames, ..LaneBlock::default() };
         let Some((path, bus)) = self.buses.get(bus) else { return block };
