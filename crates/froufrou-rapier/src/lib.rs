@@ -12,7 +12,8 @@
 //! world.integration_parameters.dt = 1.0 / 240.0;
 //! let ball = world.bodies.insert(RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 0.55, 0.0)));
 //! world.colliders.insert_with_parent(ColliderBuilder::ball(0.05).restitution(0.5), ball, &mut world.bodies);
-//! let floor = world.colliders.insert(ColliderBuilder::halfspace(Vector::Y.try_into().unwrap()));
+//! let ground = ColliderBuilder::cuboid(5.0, 0.1, 5.0).translation(Vector::new(0.0, -0.1, 0.0)).restitution(0.5);
+//! let floor = world.colliders.insert(ground);
 //!
 //! let mut listener = Listener::new(1.0 / 240.0);
 //! listener.name_body(ball, "ball");
