@@ -192,7 +192,9 @@ fn a_synthesised_scene_in_stages_is_the_scene_at_once() {
         object.write(&line).unwrap();
     }
     // What is struck again while it rings goes on.
-    assert_eq!((strikes, struck, sliding), (2, 1, 1));
+    assert_eq!((strikes, struck), (2, 1));
+    // Where the place of contact runs ahead of a slow slip, it rolls for a moment in between.
+    assert!((1..=2).contains(&sliding), "{sliding}");
     let object = String::from_utf8(object.finish().unwrap()).unwrap();
     assert!(object.contains("surroundings \"scene.toml\"") && object.contains("pattern-1"));
     let mut channel = ChannelWriter::new(Vec::new(), &production.channel_header()).unwrap();
