@@ -407,7 +407,12 @@ fn what_reaches_beyond_full_scale_is_whole_and_may_be_shared() {
     let louder: Vec<f32> = hits(1).iter().map(|v| 7.0 * v).collect();
     assert!(louder.iter().fold(0.0f32, |peak, v| peak.max(v.abs())) > 2.0);
     wav_of(SampleFormat::Float32, &path.join("sounds/hits/louder.wav"), RATE_HZ, &louder);
-    let storages = [Storage::Flac, Storage::None, #[cfg(feature = "vorbis")] Storage::Vorbis];
+    let storages = [
+        Storage::Flac,
+        Storage::None,
+        #[cfg(feature = "vorbis")]
+        Storage::Vorbis,
+    ];
     for storage in storages {
         let corpus = format!("{storage:?}");
         let built = built(path, &corpus, &Options { storage: Some(storage), ..Options::default() });

@@ -66,6 +66,7 @@ gust_period = 0.5
 bar = { kind = "free-bar", with = { frequency = 523, damping = 0.002 } }
 paper = { kind = "needle" }
 air = { kind = "turbulence", with = { size = 0.1 } }
+sail = { kind = "membrane", with = { width = 0.6, density = 0.1 } }
 hum = { kind = "procedure", script = "hum.rhai", with = { pitch = 300 } }
 [material.block]
 impact = { instrument = "bar", gain_db = -20, contact = 0.0002 }
@@ -88,6 +89,10 @@ name = "bees"
 position = [1, 1.5, 0]
 swarm = { count = 3, radius = 0.5, speed = 2 }
 sound = { instrument = "hum", set = [{ t = 0, pitch = 250 }, { t = 1, pitch = 350 }], pattern = "cardioid" }
+[[object]]
+name = "sail"
+position = [-1, 1.5, 0.5]
+sound = { instrument = "sail", gain_db = -10, set = [{ t = 0, tension = 50 }, { t = 1, tension = 400 }] }
 [[ambient]]
 recording = "rain.wav"
 loop = true
