@@ -111,7 +111,7 @@ fn moments(events: &[Event], from_s: f64) -> (Vec<&Rub>, Vec<&Rub>) {
         match event {
             Event::Slide(rub) => found.0.push(rub),
             Event::Roll(rub) => found.1.push(rub),
-            Event::Impact(_) => {}
+            _ => {}
         }
     }
     found

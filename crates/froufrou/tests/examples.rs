@@ -79,7 +79,7 @@ fn the_log_of_the_physics_engine_holds_what_the_readme_says() {
     let at = |a: &str, b: &str| -> Vec<f64> {
         let of = |event: &Event| match event {
             Event::Impact(i) => (i.a.starts_with(a) && i.b.starts_with(b)).then_some(i.time_s),
-            Event::Slide(_) | Event::Roll(_) => None,
+            _ => None,
         };
         events.iter().filter_map(of).collect()
     };
@@ -93,7 +93,7 @@ fn the_log_of_the_physics_engine_holds_what_the_readme_says() {
     let share = |a: &str, b: &str, rolls: bool| {
         let of_pair = |event: &&Event| match event {
             Event::Slide(rub) | Event::Roll(rub) => rub.a == a && rub.b == b && rub.time_s > 0.2,
-            Event::Impact(_) => false,
+            _ => false,
         };
         let all: Vec<&Event> = events.iter().filter(of_pair).collect();
         let alike = all.iter().filter(|event| matches!(event, Event::Roll(_)) == rolls).count();

@@ -95,7 +95,7 @@ fn rubs(events: &[Event]) -> Rubs<'_> {
     let mut found = Rubs::new();
     for event in events {
         let (rolls, rub) = match event {
-            Event::Impact(_) => continue,
+            Event::Impact(_) | Event::Buckle(_) | Event::Friction(_) => continue,
             Event::Slide(rub) => (false, rub),
             Event::Roll(rub) => (true, rub),
         };

@@ -3,7 +3,7 @@
 //! A vertex is on one side while |H| is more than a least curvature, and stays on it until H is as far on the other
 //! side; so a flat cloth does not chatter. When it gets there, it has crossed: at the time at which H last was 0,
 //! interpolated between two frames, and at the rate |ΔH|/Δt of its way from the frame before that time to where it is
-//! now. Its energy is its area times that rate.
+//! now. Its energy is its area times that rate. What takes a tenth of a second to get there from 0 is silent.
 //!
 //! Crossings of one sign that are neighbours along edges and in time are one buckle. It is followed from frame to frame
 //! while it moves, until nothing joins it for a while or it has gone on for long; then what moves on is the next. So
@@ -16,12 +16,15 @@ use super::triangulation::Triangulation;
 
 /// Nobody has crossed yet.
 const NONE: u32 = u32::MAX;
+/// A vertex that gets to the other side so long after its curvature was 0, in seconds, does so without a sound, and
+/// nobody has to wait for it.
+const LATEST_S: f64 = 0.1;
 
 /// What counts as a buckle, and which crossings are one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BuckleSettings {
-    /// |H| up to which a surface is flat, in 1/m; without it a tenth of 1/√area, by the area of the first frame: a
-    /// sheet that is bent by some 6° from end to end.
+    /// |H| up to which a surface is flat, in 1/m; without it a fiftieth of 1/√area, by the area of the first frame: a
+    /// sheet that is bent by some 2° from end to end.
     pub flat_per_m: Option<f64>,
     /// A buckle of less energy is none, in metres a second.
     pub least_energy_mps: f64,
@@ -60,17 +63,25 @@ pub struct Buckled {
 struct State {
     /// The side on which it was last: −1 or 1, or 0 where it has been flat so far.
     side: i8,
-    /// The curvature and time of the frame before H last was 0, and when that was.
+    /// The curvature and time of the frame before H last was 0, and when and where that was.
     before_per_m: f64,
     before_s: f64,
     zero_s: f64,
+    zero_m: [f64; 3],
     /// The buckle in which it crossed last, and when.
     buckle: u32,
     crossed_s: f64,
 }
 
-const UNKNOWN: State =
-    State { side: 0, before_per_m: 0.0, before_s: 0.0, zero_s: 0.0, buckle: NONE, crossed_s: f64::NEG_INFINITY };
+const UNKNOWN: State = State {
+    side: 0,
+    before_per_m: 0.0,
+    before_s: 0.0,
+    zero_s: 0.0,
+    zero_m: [0.0; 3],
+    buckle: NONE,
+    crossed_s: f64::NEG_INFINITY,
+};
 
 /// A buckle that goes on.
 #[derive(Debug, Clone, Copy)]
@@ -158,7 +169,7 @@ impl Buckles {
     pub fn settled_s(&self) -> f64 {
         let Some(last_s) = self.last else { return f64::NEG_INFINITY };
         let open = self.buckles.iter().filter(|buckle| !buckle.over).map(|buckle| buckle.first_s);
-        open.fold(last_s - self.settings.gap_s, f64::min)
+        open.fold(last_s - LATEST_S, f64::min)
     }
 
     fn begin(&mut self, curvature: &Curvature, surface: &Triangulation, positions: &[[f32; 3]]) {
@@ -167,7 +178,7 @@ impl Buckles {
         let most_m = positions.as_flattened().iter().fold(0.0_f32, |most, c| most.max(c.abs()));
         let edge_m = surface.mean_edge_m(positions);
         let noise_per_m = 4.0 * f64::from(f32::EPSILON * most_m) / (edge_m * edge_m);
-        let flat_per_m = self.settings.flat_per_m.unwrap_or(0.1 / area_m2.sqrt()).max(noise_per_m);
+        let flat_per_m = self.settings.flat_per_m.unwrap_or(0.02 / area_m2.sqrt()).max(noise_per_m);
         self.flat_per_m = if flat_per_m.is_nan() { f64::INFINITY } else { flat_per_m };
         self.states.clear();
         self.states.resize(surface.vertex_count(), UNKNOWN);
@@ -192,8 +203,12 @@ impl Buckles {
             let (before, now) = (self.last_per_m[vertex], curvature.mean_per_m()[vertex]);
             let state = &mut self.states[vertex];
             if (before < 0.0) != (now < 0.0) {
-                let part = before / (before - now);
-                state.zero_s = last_s + part.clamp(0.0, 1.0) * step_s;
+                let part = (before / (before - now)).clamp(0.0, 1.0);
+                state.zero_s = last_s + part * step_s;
+                state.zero_m = std::array::from_fn(|axis| {
+                    let (from, to) = (self.last_m[vertex][axis], positions[vertex][axis]);
+                    f64::from(from) * (1.0 - part) + f64::from(to) * part
+                });
                 (state.before_per_m, state.before_s) = (before, last_s);
             }
             let side = side(now, self.flat_per_m);
@@ -202,17 +217,12 @@ impl Buckles {
             }
             let is_first = state.side == 0;
             state.side = side;
-            if is_first {
+            let (at_s, position) = (state.zero_s, state.zero_m);
+            if is_first || time_s - at_s > LATEST_S {
                 continue;
             }
             let energy = areas[vertex] * (now - state.before_per_m).abs() / (time_s - state.before_s);
-            // A way so slow that it is told late is as good as silent.
-            let at_s = state.zero_s.max(time_s - self.settings.gap_s);
-            let part = ((at_s - last_s) / step_s).clamp(0.0, 1.0);
-            let position = std::array::from_fn(|axis| {
-                let (from, to) = (self.last_m[vertex][axis], positions[vertex][axis]);
-                f64::from(from) * (1.0 - part) + f64::from(to) * part
-            });
+            let at_s = state.zero_s.max(time_s - LATEST_S);
             self.join(vertex as u32, surface, side > 0, at_s, energy, position);
         }
     }
@@ -305,9 +315,8 @@ impl Buckles {
     fn settle(&mut self, time_s: f64) -> Vec<Buckled> {
         let Self { settings, buckles, found, .. } = self;
         for (number, buckle) in buckles.iter_mut().enumerate() {
-            // What crosses later is told up to a gap late.
-            let joins = time_s - buckle.last_s <= 2.0 * settings.gap_s
-                && time_s - buckle.first_s <= settings.longest_s + settings.gap_s;
+            // What joins may be told late.
+            let joins = time_s - LATEST_S <= (buckle.last_s + settings.gap_s).min(buckle.first_s + settings.longest_s);
             if buckle.over || joins {
                 continue;
             }

@@ -7,6 +7,8 @@ use rayon::prelude::*;
 use super::geodesic::Surroundings;
 use super::tree::{Best, Tree};
 use super::triangulation::Triangulation;
+use crate::Result;
+use crate::scene::animation::Mesh;
 
 /// Vertices that one thread takes at a time.
 const PORTION: usize = 256;
@@ -27,26 +29,67 @@ pub struct Contact {
 /// A mesh that may be touched, as it lies now.
 #[derive(Debug, Clone, Default)]
 pub struct Touchable {
+    surface: Triangulation,
     tree: Tree,
+    /// Where its vertices are, and where they were before.
     positions: Vec<[f32; 3]>,
+    before: Vec<[f32; 3]>,
 }
 
 impl Touchable {
     /// Takes a mesh up; the work is that of sorting its triangles.
-    pub fn new(surface: &Triangulation, positions: &[[f32; 3]]) -> Self {
-        Self { tree: Tree::build(surface, positions), positions: positions.to_vec() }
+    ///
+    /// # Errors
+    /// As [`Triangulation::new`].
+    pub fn new(mesh: &Mesh) -> Result<Self> {
+        let surface = Triangulation::new(mesh)?;
+        let tree = Tree::build(&surface, &mesh.positions);
+        Ok(Self { surface, tree, positions: mesh.positions.clone(), before: mesh.positions.clone() })
+    }
+
+    /// Its triangles.
+    pub fn surface(&self) -> &Triangulation {
+        &self.surface
+    }
+
+    /// Where its vertices are, in metres.
+    pub fn positions(&self) -> &[[f32; 3]] {
+        &self.positions
     }
 
     /// Takes up where its vertices are now.
     ///
     /// # Panics
-    /// Fewer positions than before.
-    pub fn follow(&mut self, surface: &Triangulation, positions: &[[f32; 3]]) {
-        if self.positions != positions {
+    /// Another number of positions than before.
+    pub fn follow(&mut self, positions: &[[f32; 3]]) {
+        assert_eq!(positions.len(), self.positions.len(), "the vertices of a mesh stay the same");
+        let moves = self.positions != positions;
+        if moves || self.before != positions {
+            std::mem::swap(&mut self.before, &mut self.positions);
             self.positions.clear();
             self.positions.extend_from_slice(positions);
-            self.tree.refit(surface, positions);
         }
+        if moves {
+            self.tree.refit(&self.surface, positions);
+        }
+    }
+
+    /// A point of a triangle with its normal, which has no length of its own, before and now.
+    pub(super) fn carried(&self, triangle: u32, weights: [f64; 3]) -> Option<[(DVec3, DVec3); 2]> {
+        let corners = self.surface.triangles().get(triangle as usize)?;
+        let at = |positions: &[[f32; 3]]| {
+            let [a, b, c] = corners.map(|vertex| DVec3::from(positions[vertex as usize].map(f64::from)));
+            (weights[0] * a + weights[1] * b + weights[2] * c, (b - a).cross(c - a))
+        };
+        Some([at(&self.before), at(&self.positions)])
+    }
+
+    /// Where a vertex was before and is now.
+    pub(super) fn vertex(&self, vertex: u32) -> Option<[DVec3; 2]> {
+        let at = |positions: &[[f32; 3]]| {
+            Some(DVec3::from(positions.get(vertex as usize)?.map(f64::from)))
+        };
+        Some([at(&self.before)?, at(&self.positions)?])
     }
 }
 
@@ -69,15 +112,9 @@ impl Proximity {
     /// `radius_m` is how near is touching. What of the cloth is within `surroundings_m` along its edges from a vertex
     /// that vertex does not touch; nor what is up to a quarter further, so that vertices beside each other can share
     /// the work. Twice the radius leaves out what is near since a fold is round.
-    pub fn new(
-        own: u32,
-        surface: &Triangulation,
-        positions: &[[f32; 3]],
-        touchable: &Touchable,
-        radius_m: f64,
-        surroundings_m: f64,
-    ) -> Self {
-        let surroundings = Surroundings::new(surface, positions, surroundings_m, touchable.tree.slots());
+    pub fn new(own: u32, cloth: &Touchable, radius_m: f64, surroundings_m: f64) -> Self {
+        let Touchable { surface, tree, positions, .. } = cloth;
+        let surroundings = Surroundings::new(surface, positions, surroundings_m, tree.slots());
         let vertices: Vec<u32> =
             (0..surface.vertex_count() as u32).filter(|&vertex| !surface.fan(vertex).is_empty()).collect();
         let last = vec![None; vertices.len()];
@@ -94,7 +131,7 @@ impl Proximity {
     /// before.
     ///
     /// `objects` are all that can be touched, and the cloth itself in its place.
-    pub fn contacts(&mut self, objects: &[&Touchable]) -> &[Option<Contact>] {
+    pub fn contacts(&mut self, objects: &[Touchable]) -> &[Option<Contact>] {
         let positions = objects.get(self.own as usize).map_or(&[][..], |own| &own.positions);
         let (own, radius_m, surroundings) = (self.own, self.radius_m, &self.surroundings);
         let portions = self.vertices.par_chunks(PORTION).zip(self.last.par_chunks_mut(PORTION));

@@ -59,7 +59,7 @@ fn rubs(events: &[Event]) -> [Vec<&Rub>; 2] {
         match event {
             Event::Slide(rub) => rubs[0].push(rub),
             Event::Roll(rub) => rubs[1].push(rub),
-            Event::Impact(_) => {}
+            _ => {}
         }
     }
     rubs
