@@ -1,5 +1,6 @@
-//! Cubic Hermite interpolation between unevenly spaced keys, its slopes taken from the parabola
-//! through three of them: exact for parabolas, smooth in its first derivative everywhere.
+//! Cubic Hermite interpolation between unevenly spaced keys, smooth in its first derivative everywhere. Its slopes are
+//! taken from the parabola through three keys, so that it is exact for parabolas; or they are monotone, so that it
+//! passes no key's value on its way to another.
 
 /// Slope at a key between two others, from the distances to and the secants towards either.
 pub(crate) fn middle_slope(left: f64, right: f64, secant_left: f64, secant_right: f64) -> f64 {
@@ -9,6 +10,30 @@ pub(crate) fn middle_slope(left: f64, right: f64, secant_left: f64, secant_right
 /// Slope at the first of three keys, from the distances between them and the secants.
 pub(crate) fn end_slope(near: f64, far: f64, secant_near: f64, secant_far: f64) -> f64 {
     secant_near + (secant_near - secant_far) * near / (near + far)
+}
+
+/// Slope at a key between two others such that between keys nothing rises or falls beyond them (Fritsch and Butland
+/// 1984: a weighted harmonic mean of the secants, and 0 at a turn).
+pub(crate) fn monotone_slope(left: f64, right: f64, secant_left: f64, secant_right: f64) -> f64 {
+    let turns = !(secant_left > 0.0 && secant_right > 0.0) && !(secant_left < 0.0 && secant_right < 0.0);
+    if turns {
+        return 0.0;
+    }
+    let (from_left, from_right) = (2.0 * right + left, right + 2.0 * left);
+    (from_left + from_right) / (from_left / secant_left + from_right / secant_right)
+}
+
+/// Such a slope at the first of three keys, or, with distances and secants in the reverse order, at the last.
+pub(crate) fn monotone_end_slope(near: f64, far: f64, secant_near: f64, secant_far: f64) -> f64 {
+    let slope = end_slope(near, far, secant_near, secant_far);
+    let against = |a: f64, b: f64| a == 0.0 || b == 0.0 || (a > 0.0) != (b > 0.0);
+    if against(slope, secant_near) {
+        0.0
+    } else if against(secant_near, secant_far) && slope.abs() > 3.0 * secant_near.abs() {
+        3.0 * secant_near
+    } else {
+        slope
+    }
 }
 
 /// Value and derivative of the cubic with the given values and slopes at 0 and `length`.
@@ -25,6 +50,47 @@ pub(crate) fn cubic(x: f64, length: f64, value: [f64; 2], slope: [f64; 2]) -> (f
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[derive(serde::Deserialize)]
+    struct Case {
+        keys: Vec<f64>,
+        values: Vec<f64>,
+        slopes: Vec<f64>,
+        at: Vec<f64>,
+        expected: Vec<f64>,
+    }
+
+    /// Against scipy.interpolate.PchipInterpolator; written by `oracles/pchip_fixtures.py`.
+    #[test]
+    fn monotone_slopes_are_those_of_scipy() {
+        let cases: Vec<Case> =
+            serde_json::from_str(include_str!("../tests/fixtures/cloth/pchip.json")).expect("fixtures");
+        assert!(cases.len() > 10);
+        for Case { keys, values, slopes, at, expected } in cases {
+            let length = |i: usize| keys[i + 1] - keys[i];
+            let secant = |i: usize| (values[i + 1] - values[i]) / length(i);
+            let last = keys.len() - 1;
+            let ours: Vec<f64> = (0..=last)
+                .map(|i| match i {
+                    0 => monotone_end_slope(length(0), length(1), secant(0), secant(1)),
+                    i if i == last => {
+                        let (near, far) = (last - 1, last - 2);
+                        monotone_end_slope(length(near), length(far), secant(near), secant(far))
+                    }
+                    i => monotone_slope(length(i - 1), length(i), secant(i - 1), secant(i)),
+                })
+                .collect();
+            for (ours, theirs) in ours.iter().zip(&slopes) {
+                assert!((ours - theirs).abs() < 1e-10 * (1.0 + theirs.abs()), "{ours} {theirs}");
+            }
+            for (&x, theirs) in at.iter().zip(&expected) {
+                let i = keys.partition_point(|key| *key <= x).clamp(1, last) - 1;
+                let (value, _) =
+                    cubic(x - keys[i], length(i), [values[i], values[i + 1]], [ours[i], ours[i + 1]]);
+                assert!((value - theirs).abs() < 1e-10 * (1.0 + theirs.abs()), "{value} {theirs}");
+            }
+        }
+    }
 
     #[test]
     fn parabolas_are_met_exactly() {

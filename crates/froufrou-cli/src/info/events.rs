@@ -23,6 +23,10 @@ pub struct EventFindings {
     slides_mps: Option<Range>,
     /// How fast they roll.
     rolls_mps: Option<Range>,
+    /// The energy with which cloth buckles.
+    buckles_mps: Option<Range>,
+    /// How fast cloth slides along something.
+    friction_mps: Option<Range>,
     /// Greatest count first.
     pairs: Vec<Pair>,
 }
@@ -45,6 +49,8 @@ pub fn read(file: &Path) -> Result<EventFindings> {
         impulses_ns: None,
         slides_mps: None,
         rolls_mps: None,
+        buckles_mps: None,
+        friction_mps: None,
         pairs: Vec::new(),
     };
     let mut pairs: BTreeMap<(String, String), (u64, Option<Range>)> = BTreeMap::new();
@@ -70,6 +76,16 @@ pub fn read(file: &Path) -> Result<EventFindings> {
                 Range::widen(&mut found.rolls_mps, roll.speed_mps);
                 pairs.entry((roll.a, roll.b)).or_default().0 += 1;
             }
+            Event::Buckle(buckle) => {
+                *found.kinds.entry("buckle").or_default() += 1;
+                Range::widen(&mut found.buckles_mps, buckle.energy_mps);
+                pairs.entry((buckle.cloth.clone(), buckle.cloth)).or_default().0 += 1;
+            }
+            Event::Friction(friction) => {
+                *found.kinds.entry("moment of friction").or_default() += 1;
+                Range::widen(&mut found.friction_mps, friction.speed_mps);
+                pairs.entry((friction.cloth, friction.other)).or_default().0 += 1;
+            }
         }
     }
     found.pairs =
@@ -93,6 +109,8 @@ impl Findings for EventFindings {
             .fact_if("impulses", self.impulses_ns.as_ref().map(|r| format!("{} N s", range(r))))
             .fact_if("sliding", self.slides_mps.as_ref().map(|r| format!("{} m/s", range(r))))
             .fact_if("rolling", self.rolls_mps.as_ref().map(|r| format!("{} m/s", range(r))))
+            .fact_if("buckles", self.buckles_mps.as_ref().map(|r| format!("{} m/s", range(r))))
+            .fact_if("friction", self.friction_mps.as_ref().map(|r| format!("{} m/s", range(r))))
             .fact("pairs", self.pairs.len());
         let rows = self.pairs.iter().map(|pair| {
             let impulses = pair.impulses_ns.as_ref().map(range).unwrap_or_default();

@@ -135,6 +135,19 @@ fn read(file: &Path, mut each: impl FnMut(Mark)) -> Result<()> {
                 impulse_ns: rub.force_n * rub.lasts_s,
                 rubs: true,
             },
+            // What cloth does has no impulse.
+            Event::Buckle(buckle) => Mark {
+                time_s: buckle.time_s,
+                pair: (buckle.cloth.clone(), buckle.cloth),
+                impulse_ns: 0.0,
+                rubs: false,
+            },
+            Event::Friction(friction) => Mark {
+                time_s: friction.time_s,
+                pair: (friction.cloth, friction.other),
+                impulse_ns: 0.0,
+                rubs: true,
+            },
         });
     }
     Ok(())

@@ -22,6 +22,55 @@ pub enum Event {
     Slide(Rub),
     /// One body rolls along the other for a moment.
     Roll(Rub),
+    /// A part of a cloth buckles.
+    Buckle(Buckle),
+    /// A cloth slides along something, or along itself, for a moment.
+    Friction(Friction),
+}
+
+/// A part of a cloth buckles: its mean curvature changes sign.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Buckle {
+    /// When, in seconds: the mean over its vertices.
+    pub time_s: f64,
+    /// How long it takes from its first vertex to its last, in seconds.
+    pub lasts_s: f64,
+    /// The cloth.
+    pub cloth: String,
+    /// Where its middle is, in metres.
+    pub position_m: [f64; 3],
+    /// Σ A·|dH/dt| over its vertices, in metres a second: how large it is, and how fast its curvature changes.
+    pub energy_mps: f64,
+    /// Whether its mean curvature goes from below 0 to above it: it becomes convex, seen from outside.
+    pub positive: bool,
+    /// How many vertices it has.
+    pub vertices: u32,
+    /// What it was told by.
+    pub cause: Cause,
+}
+
+/// A cloth slides along something for a moment: all of its vertices that do, together. What goes on for longer is one
+/// such event after the other.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Friction {
+    /// The beginning of the moment, in seconds: a frame.
+    pub time_s: f64,
+    /// How long it is until the next frame, in seconds.
+    pub lasts_s: f64,
+    /// The cloth.
+    pub cloth: String,
+    /// What it slides along; the cloth itself where it does so.
+    pub other: String,
+    /// The middle of what slides, weighted by area and speed, in metres.
+    pub position_m: [f64; 3],
+    /// The area that slides, in square metres.
+    pub area_m2: f64,
+    /// Its mean speed along the other, weighted by area, in metres a second.
+    pub speed_mps: f64,
+    /// What it was told by.
+    pub cause: Cause,
 }
 
 /// Two bodies slide or roll along each other for a moment. What goes on for longer is one such event after
@@ -143,7 +192,7 @@ impl Event {
     pub fn impact(&self) -> Option<&Impact> {
         match self {
             Event::Impact(impact) => Some(impact),
-            Event::Slide(_) | Event::Roll(_) => None,
+            _ => None,
         }
     }
 
@@ -158,9 +207,9 @@ impl Event {
     /// How two bodies rub along each other, sliding or rolling, if they do.
     pub fn rub(&self) -> Option<(Rubbing, &Rub)> {
         match self {
-            Event::Impact(_) => None,
             Event::Slide(rub) => Some((Rubbing::Slide, rub)),
             Event::Roll(rub) => Some((Rubbing::Roll, rub)),
+            _ => None,
         }
     }
 
@@ -169,6 +218,8 @@ impl Event {
         match self {
             Event::Impact(impact) => impact.time_s,
             Event::Slide(rub) | Event::Roll(rub) => rub.time_s,
+            Event::Buckle(buckle) => buckle.time_s,
+            Event::Friction(friction) => friction.time_s,
         }
     }
 }
@@ -190,6 +241,14 @@ pub fn write(to: &mut impl Write, event: &Event) -> std::io::Result<()> {
             let numbers = [rub.time_s, rub.lasts_s, rub.speed_mps, rub.force_n].into_iter();
             let places = rub.position_m.into_iter().chain(rub.on_m.into_iter().flatten().flatten());
             numbers.chain(places).chain(rub.cause.numbers()).collect()
+        }
+        Event::Buckle(Buckle { time_s, lasts_s, position_m, energy_mps, cause, .. }) => {
+            let numbers = [*time_s, *lasts_s, *energy_mps].into_iter();
+            numbers.chain(*position_m).chain(cause.numbers()).collect()
+        }
+        Event::Friction(Friction { time_s, lasts_s, position_m, area_m2, speed_mps, cause, .. }) => {
+            let numbers = [*time_s, *lasts_s, *area_m2, *speed_mps].into_iter();
+            numbers.chain(*position_m).chain(cause.numbers()).collect()
         }
     };
     if !numbers.into_iter().all(f64::is_finite) {
@@ -295,6 +354,32 @@ mod tests {
         found.err().map(|e| e.to_string()).unwrap_or_default()
     }
 
+    fn of_cloth(numbers: [f64; 8], name: &str) -> [Event; 2] {
+        let [time_s, lasts_s, x, y, z, a, b, from_s] = numbers;
+        let cause = Cause::Motion(Moved { from_s, to_s: time_s });
+        let buckle = Buckle {
+            time_s,
+            lasts_s,
+            cloth: name.to_owned(),
+            position_m: [x, y, z],
+            energy_mps: a,
+            positive: a > b,
+            vertices: name.len() as u32,
+            cause: cause.clone(),
+        };
+        let friction = Friction {
+            time_s,
+            lasts_s,
+            cloth: "skirt".to_owned(),
+            other: name.to_owned(),
+            position_m: [z, x, y],
+            area_m2: a,
+            speed_mps: b,
+            cause,
+        };
+        [Event::Buckle(buckle), Event::Friction(friction)]
+    }
+
     #[test]
     fn faults_name_the_line() -> std::io::Result<()> {
         let mut good = Vec::new();
@@ -316,7 +401,34 @@ mod tests {
         Ok(())
     }
 
+    #[test]
+    fn what_cloth_does_has_no_numbers_that_are_none() {
+        for at in 0..8 {
+            let mut numbers = [1.0; 8];
+            numbers[at] = f64::INFINITY;
+            for event in of_cloth(numbers, "x") {
+                // Of a buckle the seventh number is its sign alone.
+                let is_told = write(&mut Vec::new(), &event).is_ok();
+                assert_eq!(is_told, at == 6 && matches!(event, Event::Buckle(_)), "{event:?}");
+            }
+        }
+    }
+
     proptest! {
+        #[test]
+        fn what_cloth_does_comes_back_exactly(
+            numbers in prop::array::uniform8(any::<f64>().prop_filter("finite", |x| x.is_finite())),
+            name in any::<String>(),
+        ) {
+            let events = of_cloth(numbers, &name);
+            let mut bytes = Vec::new();
+            for event in &events {
+                write(&mut bytes, event)?;
+            }
+            let back: Vec<Event> = Reader::new(bytes.as_slice(), "e.jsonl").collect::<Result<_>>()?;
+            prop_assert_eq!(back, events);
+        }
+
         #[test]
         fn every_number_and_name_comes_back_exactly(
             time_s in any::<f64>().prop_filter("finite", |x| x.is_finite()),

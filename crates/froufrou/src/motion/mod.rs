@@ -1,6 +1,7 @@
 //! What happens: frames in, events out.
 
 pub mod body;
+pub mod cloth;
 pub mod contacts;
 pub mod event;
 pub mod impact;

@@ -463,7 +463,7 @@ fn the_impacts_of_a_simulated_scene_are_those_of_its_poses() -> Result<()> {
         .map(|event| {
             event.map(|event| match event {
                 Event::Impact(impact) => impact,
-                Event::Slide(rub) | Event::Roll(rub) => panic!("{rub:?}"),
+                other => panic!("{other:?}"),
             })
         })
         .collect::<Result<_>>()?;

@@ -1,0 +1,377 @@
+//! What cloth does while it moves: where it buckles, and how fast it slides along what it touches (An, James and
+//! Marschner 2012). Meshes come in frame by frame, whatever made them; nothing of a simulation is asked for.
+//!
+//! `triangulation` is what stays of a mesh, `curvature` how it is bent; `buckles` follows the places where that
+//! changes its sign. `geodesic` is what belongs to a vertex's own surroundings, `proximity` what it touches beyond them
+//! (by the `tree` of each mesh and the point of a `triangle`); `sliding` how fast it moves along that. The
+//! [`Analyser`] feeds them all.
+//!
+//! # The energies of An et al.
+//!
+//! They sum |H(t) − H(t−1)| over the vertices that change sign in a frame. That grows with the number of vertices and
+//! falls with the frame rate, so that each of their animations has a threshold of its own. Here a vertex counts by its
+//! area and by its rate: E = Σ A·|dH/dt|, in m²·1/m/s = m/s. With vertices of the mean area *a* and frames Δt apart, a
+//! threshold `E_min` of theirs is E = `E_min`·a/Δt of ours, if their unit of length is the metre.
+
+pub mod buckles;
+pub mod curvature;
+mod gather;
+mod geodesic;
+pub mod proximity;
+#[cfg(test)]
+mod shapes;
+pub mod sliding;
+mod tree;
+mod triangle;
+pub mod triangulation;
+
+use std::collections::VecDeque;
+
+use rayon::prelude::*;
+
+use self::buckles::{BuckleSettings, Buckled, Buckles};
+use self::curvature::Curvature;
+use self::gather::Gather;
+use self::proximity::{Proximity, Touchable};
+use self::sliding::{Slides, Sliding, SlidingSettings};
+use super::event::{Buckle, Cause, Event, Moved};
+use crate::scene::animation::Mesh;
+use crate::{Error, Place, Result};
+
+/// A welded seam that opens by this part of an edge is one no more.
+const TORN: f64 = 0.01;
+
+/// How a cloth is looked at.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct ClothSettings {
+    /// What counts as a buckle.
+    pub buckles: BuckleSettings,
+    /// What counts as sliding.
+    pub sliding: SlidingSettings,
+}
+
+/// A mesh that takes part: a cloth, or what cloth may touch.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Participant {
+    /// Its name.
+    pub name: String,
+    /// How it is looked at, if it is a cloth.
+    pub cloth: Option<ClothSettings>,
+}
+
+/// Why what is known of an object is forgotten from a frame on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Why {
+    /// Its vertices or faces are others.
+    Faces,
+    /// Vertices that were in one place are apart: a seam opens, and from now on is a boundary.
+    Seam,
+}
+
+/// What is known of an object is forgotten, and begins anew with a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Restart {
+    /// The time of the frame, in seconds.
+    pub time_s: f64,
+    /// The object, by its number.
+    pub object: u32,
+    /// Why.
+    pub why: Why,
+}
+
+/// Meshes in, what cloth does out.
+///
+/// It is some frames behind: sliding by its look-ahead and two frames, buckles by a quarter of a second at most (the
+/// gap, the longest and a tenth of a second of their settings together).
+///
+/// ```
+/// use froufrou::motion::cloth::{Analyser, ClothSettings, Participant};
+/// use froufrou::motion::Event;
+/// use froufrou::scene::animation::Mesh;
+/// // A sheet of four cells whose middle snaps through from one side to the other.
+/// let frame = |height: f32| Mesh {
+///     positions: (0..9u8).map(|i| [f32::from(i % 3), f32::from(i / 3), if i == 4 { height } else { 0.0 }]).collect(),
+///     face_vertices: vec![0, 1, 4, 3, 1, 2, 5, 4, 3, 4, 7, 6, 4, 5, 8, 7],
+///     face_sizes: vec![4; 4],
+/// };
+/// let sheet = Participant { name: "sheet".to_owned(), cloth: Some(ClothSettings::default()) };
+/// let mut analyser = Analyser::new(vec![sheet]);
+/// analyser.feed(0.0, &[frame(-0.2)])?;
+/// analyser.feed(0.1, &[frame(0.2)])?;
+/// analyser.finish();
+/// let Some(Event::Buckle(buckle)) = analyser.next_event() else { panic!("it buckles") };
+/// assert!((buckle.time_s - 0.05).abs() < 1e-9 && buckle.positive);
+/// # Ok::<(), froufrou::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Analyser {
+    participants: Vec<Participant>,
+    /// Empty before the first frame.
+    objects: Vec<Touchable>,
+    /// The faces as they were given, to know when they change.
+    faces: Vec<Faces>,
+    cloths: Vec<Cloth>,
+    last_s: Option<f64>,
+    step_s: f64,
+    events: Vec<Event>,
+    ready: VecDeque<Event>,
+    slidings: VecDeque<Sliding>,
+    restarts: VecDeque<Restart>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Faces {
+    vertices: Vec<u32>,
+    sizes: Vec<u32>,
+    torn_m: f64,
+}
+
+/// One of the cloths.
+#[derive(Debug, Clone)]
+struct Cloth {
+    object: u32,
+    settings: ClothSettings,
+    curvature: Curvature,
+    buckles: Buckles,
+    proximity: Proximity,
+    slides: Slides,
+    gather: Gather,
+}
+
+impl Cloth {
+    fn new(object: u32, settings: ClothSettings, mesh: &Touchable) -> Self {
+        let SlidingSettings { radius_m, surroundings_m, .. } = settings.sliding;
+        let proximity = Proximity::new(object, mesh, radius_m, surroundings_m.unwrap_or(2.0 * radius_m));
+        let slides = Slides::new(settings.sliding, object, proximity.vertices());
+        Self {
+            object,
+            settings,
+            curvature: Curvature::default(),
+            buckles: Buckles::new(settings.buckles),
+            proximity,
+            slides,
+            gather: Gather::default(),
+        }
+    }
+
+    fn feed(&mut self, time_s: f64, objects: &[Touchable]) -> Vec<Buckled> {
+        let Self { object, curvature, buckles, proximity, slides, .. } = self;
+        let Some(own) = objects.get(*object as usize) else { return Vec::new() };
+        let bend = || {
+            curvature.measure(own.surface(), own.positions());
+            buckles.feed(time_s, own.surface(), curvature, own.positions())
+        };
+        let (buckled, contacts) = rayon::join(bend, || proximity.contacts(objects));
+        slides.feed(time_s, contacts, objects, curvature.area_m2());
+        buckled
+    }
+
+    fn settled_s(&self) -> f64 {
+        self.buckles.settled_s().min(self.slides.settled_s())
+    }
+}
+
+impl Analyser {
+    /// Begins with nothing known of some objects.
+    pub fn new(participants: Vec<Participant>) -> Self {
+        Self {
+            participants,
+            objects: Vec::new(),
+            faces: Vec::new(),
+            cloths: Vec::new(),
+            last_s: None,
+            step_s: 0.0,
+            events: Vec::new(),
+            ready: VecDeque::new(),
+            slidings: VecDeque::new(),
+            restarts: VecDeque::new(),
+        }
+    }
+
+    /// The objects, as they were given.
+    pub fn participants(&self) -> &[Participant] {
+        &self.participants
+    }
+
+    /// Takes the next frame: its time, and the mesh of each object in their order.
+    ///
+    /// # Errors
+    /// Another number of meshes than of objects; a time that is no number or not after that of the frame before; a
+    /// position that is no number; faces that are none. What was found before is still there then.
+    pub fn feed(&mut self, time_s: f64, meshes: &[Mesh]) -> Result<()> {
+        self.check(time_s, meshes)?;
+        if self.objects.is_empty() {
+            self.begin(meshes)?;
+        } else {
+            self.follow(time_s, meshes)?;
+        }
+        self.step_s = self.last_s.map_or(0.0, |last_s| time_s - last_s);
+        self.last_s = Some(time_s);
+        for at in 0..self.cloths.len() {
+            let buckled = self.cloths[at].feed(time_s, &self.objects);
+            self.tell(at, buckled);
+        }
+        let settled_s = self.cloths.iter().map(Cloth::settled_s).fold(f64::INFINITY, f64::min);
+        self.release(settled_s);
+        Ok(())
+    }
+
+    /// Ends it: what was not settled is ready then.
+    pub fn finish(&mut self) {
+        for at in 0..self.cloths.len() {
+            self.end(at);
+        }
+        self.cloths.clear();
+        self.objects.clear();
+        self.faces.clear();
+        self.last_s = None;
+        self.release(f64::INFINITY);
+    }
+
+    /// The next event, in order of time.
+    pub fn next_event(&mut self) -> Option<Event> {
+        self.ready.pop_front()
+    }
+
+    /// The next frame of a cloth that slides, or does not; of each cloth in order of time.
+    pub fn next_sliding(&mut self) -> Option<Sliding> {
+        self.slidings.pop_front()
+    }
+
+    /// The next object of which all was forgotten.
+    pub fn next_restart(&mut self) -> Option<Restart> {
+        self.restarts.pop_front()
+    }
+
+    fn check(&self, time_s: f64, meshes: &[Mesh]) -> Result<()> {
+        if meshes.len() != self.participants.len() {
+            let (given, expected) = (meshes.len(), self.participants.len());
+            return Err(Error::new(format!("a frame of {given} meshes, of {expected} objects")));
+        }
+        if !time_s.is_finite() || self.last_s.is_some_and(|last_s| time_s <= last_s) {
+            let last = self.last_s.map_or_else(String::new, |last_s| format!(" after one at {last_s} s"));
+            return Err(
+                Error::new(format!("a frame at {time_s} s{last}")).help("frames come in order of time")
+            );
+        }
+        let finite = |(mesh, participant): (&Mesh, &Participant)| {
+            let Some(vertex) = mesh.positions.iter().position(|p| !p.iter().all(|c| c.is_finite())) else {
+                return Ok(());
+            };
+            let [x, y, z] = mesh.positions[vertex];
+            Err(Error::new(format!("vertex {vertex} is at no place at {time_s} s: ({x}, {y}, {z})"))
+                .at(Place::Part(participant.name.clone())))
+        };
+        meshes.par_iter().zip(&self.participants).map(finite).collect()
+    }
+
+    /// Takes up an object as it lies in a frame.
+    fn take(&self, object: usize, mesh: &Mesh) -> Result<(Touchable, Faces)> {
+        let at_object = |fault: Error| fault.at(Place::Part(self.participants[object].name.clone()));
+        let touchable = Touchable::new(mesh).map_err(at_object)?;
+        let torn_m = TORN * touchable.surface().mean_edge_m(&mesh.positions);
+        let faces = Faces { vertices: mesh.face_vertices.clone(), sizes: mesh.face_sizes.clone(), torn_m };
+        Ok((touchable, faces))
+    }
+
+    fn begin(&mut self, meshes: &[Mesh]) -> Result<()> {
+        let taken: Vec<_> = (0..meshes.len())
+            .into_par_iter()
+            .map(|object| self.take(object, &meshes[object]))
+            .collect::<Result<_>>()?;
+        (self.objects, self.faces) = taken.into_iter().unzip();
+        let cloth = |(object, participant): (usize, &Participant)| {
+            Some(Cloth::new(object as u32, participant.cloth?, &self.objects[object]))
+        };
+        self.cloths = self.participants.iter().enumerate().filter_map(cloth).collect();
+        Ok(())
+    }
+
+    /// Takes up where objects are now; those whose faces change are begun anew.
+    fn follow(&mut self, time_s: f64, meshes: &[Mesh]) -> Result<()> {
+        let why = |object: usize| {
+            let (mesh, faces, known) = (&meshes[object], &self.faces[object], &self.objects[object]);
+            if mesh.positions.len() != known.positions().len()
+                || mesh.face_vertices != faces.vertices
+                || mesh.face_sizes != faces.sizes
+            {
+                return Some(Why::Faces);
+            }
+            known.surface().torn(&mesh.positions, faces.torn_m).map(|_| Why::Seam)
+        };
+        let changed: Vec<Option<Why>> = (0..meshes.len()).map(why).collect();
+        // All that may fail comes before anything is changed.
+        let taken = |object: usize| changed[object].map(|_| self.take(object, &meshes[object])).transpose();
+        let taken: Vec<_> = (0..meshes.len()).map(taken).collect::<Result<_>>()?;
+        for (object, why) in changed.iter().enumerate() {
+            let Some(why) = *why else { continue };
+            self.restarts.push_back(Restart { time_s, object: object as u32, why });
+            for at in 0..self.cloths.len() {
+                if self.cloths[at].object == object as u32 {
+                    self.end(at);
+                } else {
+                    self.cloths[at].slides.lose(object as u32);
+                    self.cloths[at].proximity.forget();
+                }
+            }
+        }
+        self.objects.par_iter_mut().zip(meshes).zip(&changed).for_each(|((object, mesh), changed)| {
+            if changed.is_none() {
+                object.follow(&mesh.positions);
+            }
+        });
+        for (object, taken) in taken.into_iter().enumerate() {
+            let Some((touchable, faces)) = taken else { continue };
+            (self.objects[object], self.faces[object]) = (touchable, faces);
+            for cloth in self.cloths.iter_mut().filter(|cloth| cloth.object == object as u32) {
+                *cloth = Cloth::new(cloth.object, cloth.settings, &self.objects[object]);
+            }
+        }
+        Ok(())
+    }
+
+    /// Ends one cloth, and tells what is left.
+    fn end(&mut self, at: usize) {
+        let cloth = &mut self.cloths[at];
+        cloth.slides.finish(&self.objects);
+        let buckled = cloth.buckles.finish();
+        self.tell(at, buckled);
+    }
+
+    /// Makes events of what a cloth did.
+    fn tell(&mut self, at: usize, buckled: Vec<Buckled>) {
+        let cloth = &mut self.cloths[at];
+        let name = |object: u32| self.participants[object as usize].name.clone();
+        let buckles = buckled.into_iter().map(|buckled| {
+            let Buckled { time_s, span_s, position_m, energy_mps, positive, vertices } = buckled;
+            Event::Buckle(Buckle {
+                time_s,
+                lasts_s: span_s[1] - span_s[0],
+                cloth: name(cloth.object),
+                position_m,
+                energy_mps,
+                positive,
+                vertices,
+                cause: Cause::Motion(Moved {
+                    from_s: span_s[0] - self.step_s,
+                    to_s: span_s[1] + self.step_s,
+                }),
+            })
+        });
+        self.events.extend(buckles);
+        while let Some(sliding) = cloth.slides.next_sliding() {
+            self.events.extend(cloth.gather.events(&sliding, &name).into_iter().map(Event::Friction));
+            self.slidings.push_back(sliding);
+        }
+    }
+
+    /// Lets go the events before a time.
+    fn release(&mut self, settled_s: f64) {
+        self.events.sort_by(|a, b| a.time_s().total_cmp(&b.time_s()));
+        let ready = self.events.partition_point(|event| event.time_s() < settled_s);
+        self.ready.extend(self.events.drain(..ready));
+    }
+}
+
+#[cfg(test)]
+mod tests;
