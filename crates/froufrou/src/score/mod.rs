@@ -42,6 +42,7 @@ pub mod compose;
 pub mod ending;
 pub mod retarget;
 
+use crate::corpus::cloth::synthetic;
 use crate::space::ambisonic::{self, CHANNEL_NAMES};
 use crate::space::bands::Bands;
 
@@ -121,6 +122,11 @@ pub enum Make {
         /// The folder of the corpus.
         corpus: String,
     },
+    /// Cloth that rubs at speeds and pops as it is told.
+    Cloth {
+        /// The folder of its corpus, or the name of a model: `synthetic/cotton`.
+        corpus: String,
+    },
 }
 
 impl Make {
@@ -131,6 +137,7 @@ impl Make {
             | Make::Modes { table: Some(file), .. }
             | Make::Procedure { script: file }
             | Make::Grains { corpus: file } => Some(file),
+            Make::Cloth { corpus } if !corpus.starts_with(synthetic::PREFIX) => Some(corpus),
             _ => None,
         }
     }
@@ -141,6 +148,7 @@ impl Make {
             | Make::Modes { table: Some(file), .. }
             | Make::Procedure { script: file }
             | Make::Grains { corpus: file } => Some(file),
+            Make::Cloth { corpus } if !corpus.starts_with(synthetic::PREFIX) => Some(corpus),
             _ => None,
         }
     }
@@ -159,6 +167,7 @@ impl Make {
             Make::Turbulence => "turbulence",
             Make::Procedure { .. } => "procedure",
             Make::Grains { .. } => "grains",
+            Make::Cloth { .. } => "cloth",
         }
     }
 }

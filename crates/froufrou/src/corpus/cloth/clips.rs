@@ -144,7 +144,8 @@ pub fn measure(takes: &[Take], gathering: &Gathering) -> Result<(FrictionSpectra
         let off = bin.iter().map(|clip| clip.speed_mps - first_mps).sum::<f64>() / bin.len() as f64;
         let speed_mps = first_mps + off;
         let heard = mean(&bin);
-        let density = heard.iter().zip(&noise).map(|(power, noise)| (power - noise).max(0.0).sqrt()).collect();
+        let density =
+            heard.iter().zip(&noise).map(|(power, noise)| (power - noise).max(0.0).sqrt()).collect();
         spectra.push(Spectrum { speed_mps, density });
     }
     if spectra.is_empty() {
@@ -200,7 +201,8 @@ fn clips(index: usize, take: &Take, counts: &mut Counts) -> Vec<Clip> {
             break;
         }
         let time_s = [first, end].map(|n| n as f64 / take.rate_hz);
-        let (Some(from_m), Some(to_m)) = (take.motion.distance_m(time_s[0]), take.motion.distance_m(time_s[1]))
+        let (Some(from_m), Some(to_m)) =
+            (take.motion.distance_m(time_s[0]), take.motion.distance_m(time_s[1]))
         else {
             counts.unknown += 1;
             continue;
@@ -250,7 +252,6 @@ fn mean_power(clips: &[&Clip], takes: &[Take], values: usize, planner: &mut Real
     }
     mean
 }
-
 
 #[cfg(test)]
 mod tests;

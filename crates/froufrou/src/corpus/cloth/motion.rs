@@ -29,14 +29,19 @@ impl Motion {
     /// Fewer than two rows, times that do not rise, or numbers that are not finite.
     pub fn from_speeds(rows: &[[f64; 2]]) -> Result<Self> {
         if rows.len() < 2 {
-            return Err(Error::new(format!("expected at least 2 rows of times and speeds, found {}", rows.len())));
+            return Err(Error::new(format!(
+                "expected at least 2 rows of times and speeds, found {}",
+                rows.len()
+            )));
         }
         let mut track = Vec::with_capacity(rows.len());
         let mut distance_m = 0.0;
         for (index, [time_s, speed_mps]) in rows.iter().enumerate() {
             let row = || Place::Part(format!("row {}", index + 1));
             if !time_s.is_finite() || !speed_mps.is_finite() || speed_mps.abs() > 1e4 {
-                return Err(Error::new(format!("the row holds {time_s}, {speed_mps}: no time and speed")).at(row()));
+                return Err(
+                    Error::new(format!("the row holds {time_s}, {speed_mps}: no time and speed")).at(row())
+                );
             }
             if let Some([last_s, last_mps]) = index.checked_sub(1).map(|last| rows[last]) {
                 if *time_s <= last_s {
@@ -93,7 +98,8 @@ impl Motion {
             for (value, column) in row.iter_mut().zip(columns) {
                 let text = record.get(column).unwrap_or_default();
                 *value = text.parse().map_err(|_| {
-                    Error::new(format!("expected a number, found {text:?}")).at(Place::Line { line, column: 0 })
+                    Error::new(format!("expected a number, found {text:?}"))
+                        .at(Place::Line { line, column: 0 })
                 })?;
             }
             if rows.len() == MOST_ROWS {

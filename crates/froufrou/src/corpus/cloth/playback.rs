@@ -59,9 +59,16 @@ impl Distribution {
     /// The share that lies below an energy. Where all energies are the same, half of them lie below them.
     pub fn share(&self, energy: f64) -> f64 {
         if self.greatest <= self.least {
-            return if energy < self.least { 0.0 } else if energy > self.least { 1.0 } else { 0.5 };
+            return if energy < self.least {
+                0.0
+            } else if energy > self.least {
+                1.0
+            } else {
+                0.5
+            };
         }
-        let place = ((energy - self.least) / (self.greatest - self.least) * BINS as f64).clamp(0.0, BINS as f64);
+        let place =
+            ((energy - self.least) / (self.greatest - self.least) * BINS as f64).clamp(0.0, BINS as f64);
         let bin = (place as usize).min(BINS - 1);
         let along = place - bin as f64;
         self.below[bin] + (self.below[bin + 1] - self.below[bin]) * along

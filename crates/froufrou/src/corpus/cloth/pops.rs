@@ -127,15 +127,21 @@ fn after(samples: &[f32], mut n: usize) -> usize {
     n
 }
 
-fn pop(samples: &[f32], range: Range<usize>, rate_hz: f64) -> Pop {
+/// The middle of the energy of a sound, in seconds from its beginning; 0 for silence.
+pub fn centre_s(samples: &[f32], rate_hz: f64) -> f64 {
     let (mut energy, mut moment) = (0.0f64, 0.0f64);
-    for (n, sample) in samples[range.clone()].iter().enumerate() {
+    for (n, sample) in samples.iter().enumerate() {
         let square = f64::from(*sample).powi(2);
         energy += square;
         moment += square * n as f64;
     }
-    let lead_s = if energy > 0.0 { moment / energy / rate_hz } else { 0.0 };
-    Pop { range, energy: energy / rate_hz, lead_s }
+    if energy > 0.0 { moment / energy / rate_hz } else { 0.0 }
+}
+
+fn pop(samples: &[f32], range: Range<usize>, rate_hz: f64) -> Pop {
+    let inside = &samples[range.clone()];
+    let energy: f64 = inside.iter().map(|sample| f64::from(*sample).powi(2)).sum();
+    Pop { energy: energy / rate_hz, lead_s: centre_s(inside, rate_hz), range }
 }
 
 #[cfg(test)]
@@ -227,9 +233,8 @@ mod tests {
     fn an_automatic_threshold_follows_the_gain() {
         let samples = bursts(44_100.0);
         let louder: Vec<f32> = samples.iter().map(|v| v * 1.7).collect();
-        let [a, b] = [&samples, &louder].map(|samples| {
-            find(samples, 44_100.0, automatic_threshold(samples, 44_100.0)).unwrap().len()
-        });
+        let [a, b] = [&samples, &louder]
+            .map(|samples| find(samples, 44_100.0, automatic_threshold(samples, 44_100.0)).unwrap().len());
         assert_eq!((a, b), (4, 4));
         assert_eq!(automatic_threshold(&[], 48_000.0), 0.0);
         assert!(find(&[0.0; 100], 48_000.0, 0.0).is_err());

@@ -93,7 +93,9 @@ impl FrictionSpectra {
         for spectrum in &spectra {
             let speed = spectrum.speed_mps;
             if !(1e-9..=1e9).contains(&speed) {
-                return Err(Error::new(format!("the speed of a spectrum is {speed} m/s, expected more than 0")));
+                return Err(Error::new(format!(
+                    "the speed of a spectrum is {speed} m/s, expected more than 0"
+                )));
             }
             if spectrum.density.len() != length {
                 let found = spectrum.density.len();
@@ -134,7 +136,9 @@ impl FrictionSpectra {
     pub fn at(&self, speed_mps: f64) -> Vec<f64> {
         let speed = speed_mps.abs();
         let after = self.spectra.partition_point(|spectrum| spectrum.speed_mps < speed);
-        let (Some(last), Some(first)) = (self.spectra.last(), self.spectra.first()) else { return Vec::new() };
+        let (Some(last), Some(first)) = (self.spectra.last(), self.spectra.first()) else {
+            return Vec::new();
+        };
         if speed.is_nan() {
             return vec![0.0; first.density.len()];
         }
@@ -153,7 +157,9 @@ impl FrictionSpectra {
     /// By what ratio the quantiles of one measured spectrum lie off those of the next, at most, as far as they are heard:
     /// from 2 % to 98 % of the whole, in octaves. How far the pitch slides between the two.
     pub fn slide_octaves(&self, index: usize) -> f64 {
-        let (Some(low), Some(high)) = (self.spectra.get(index), self.spectra.get(index + 1)) else { return 0.0 };
+        let (Some(low), Some(high)) = (self.spectra.get(index), self.spectra.get(index + 1)) else {
+            return 0.0;
+        };
         let (low, high) = (quantiles(&low.density), quantiles(&high.density));
         low.iter().zip(&high).map(|(a, b)| (b / a).log2().abs()).fold(0.0, f64::max)
     }

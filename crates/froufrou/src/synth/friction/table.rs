@@ -44,7 +44,8 @@ impl FrictionTable {
                 let steps = (spectra.slide_octaves(index) / STEP_OCTAVES).ceil();
                 // Levels differ too, by 1 dB a step at most.
                 let levels = (low.total(1.0) / high.total(1.0)).log10().abs() * 20.0;
-                let steps = (steps.max(if levels.is_finite() { levels } else { 0.0 }) as usize).clamp(1, most);
+                let steps =
+                    (steps.max(if levels.is_finite() { levels } else { 0.0 }) as usize).clamp(1, most);
                 let ratio = high.speed_mps / low.speed_mps;
                 let between = (1..steps).map(|k| low.speed_mps * ratio.powf(k as f64 / steps as f64));
                 speeds_mps.extend(between);
@@ -53,12 +54,14 @@ impl FrictionTable {
         let powers: Vec<f64> =
             speeds_mps.iter().flat_map(|speed| spectra.at(*speed).into_iter().map(|a| a * a)).collect();
         let spacing_hz = spectra.spacing_hz();
-        let wholes = powers.chunks(values.max(1)).map(|power| power.iter().sum::<f64>() * spacing_hz).collect();
+        let wholes =
+            powers.chunks(values.max(1)).map(|power| power.iter().sum::<f64>() * spacing_hz).collect();
         let [slowest, fastest] = spectra.speeds_mps();
         let count = CELLS * speeds_mps.len();
         let cells_per_ln = if fastest > slowest { count as f64 / (fastest / slowest).ln() } else { 0.0 };
         let begins = (0..count).map(|cell| slowest * (cell as f64 / cells_per_ln.max(1e-300)).exp());
-        let cells = begins.map(|begin| speeds_mps.partition_point(|s| *s <= begin).saturating_sub(1)).collect();
+        let cells =
+            begins.map(|begin| speeds_mps.partition_point(|s| *s <= begin).saturating_sub(1)).collect();
         Self { spacing_hz, values, speeds_mps, powers, wholes, cells, cells_per_ln }
     }
 

@@ -158,7 +158,11 @@ fn the_level_does_not_ripple() {
     let tenths: Vec<f64> = power.chunks(hop / 10).map(|part| part.iter().sum()).collect();
     let mean = tenths.iter().sum::<f64>() / tenths.len() as f64;
     for tenth in &tenths {
-        assert!(decibels(tenth / mean).abs() < 0.2, "{:?}", tenths.iter().map(|t| decibels(t / mean)).collect::<Vec<_>>());
+        assert!(
+            decibels(tenth / mean).abs() < 0.2,
+            "{:?}",
+            tenths.iter().map(|t| decibels(t / mean)).collect::<Vec<_>>()
+        );
     }
 }
 
@@ -170,7 +174,8 @@ fn the_same_seed_gives_the_same_bytes_and_others_do_not() {
     assert_ne!(samples, sound(48_000.0, 1.0, 10, glide));
     assert!(samples.iter().all(|v| v.is_finite()));
     // At rest there is silence, also after something moved.
-    let stops = |time_s: f64| vec![Part { speed_mps: if time_s < 0.5 { 0.3 } else { 0.0 }, level: 1.0, spread: 0.0 }];
+    let stops =
+        |time_s: f64| vec![Part { speed_mps: if time_s < 0.5 { 0.3 } else { 0.0 }, level: 1.0, spread: 0.0 }];
     let samples = sound(48_000.0, 1.0, 9, stops);
     assert!(samples[..20_000].iter().any(|v| *v != 0.0));
     assert!(samples[28_000..].iter().all(|v| *v == 0.0));

@@ -32,7 +32,8 @@ fn white_noise_has_its_density_at_every_rate() {
 fn a_tone_is_where_it_is_with_its_power() {
     let tone = |n: u32| (0.2 * (std::f64::consts::TAU * 1000.0 * f64::from(n) / 44_100.0).sin()) as f32;
     let samples = (0..44_100).map(tone).collect();
-    let (spectra, _) = measure(&[take(samples, 44_100.0, Motion::Steady(1.0))], &Gathering::default()).unwrap();
+    let (spectra, _) =
+        measure(&[take(samples, 44_100.0, Motion::Steady(1.0))], &Gathering::default()).unwrap();
     let density = &spectra.measured()[0].density;
     let loudest = (0..density.len()).max_by(|a, b| density[*a].total_cmp(&density[*b])).unwrap();
     assert_eq!(loudest, 49);
@@ -46,7 +47,8 @@ fn takes_of_changing_speed_fall_into_bins() {
     let rate_hz = 16_000.0;
     let speed = |t: f64| 0.1 * 8.0f64.powf(t / 20.0);
     let samples = noise(rate_hz, 20.0, 1.0, 3);
-    let louder = samples.iter().enumerate().map(|(n, v)| (speed(n as f64 / rate_hz) * 0.1 * f64::from(*v)) as f32);
+    let louder =
+        samples.iter().enumerate().map(|(n, v)| (speed(n as f64 / rate_hz) * 0.1 * f64::from(*v)) as f32);
     let rows: Vec<[f64; 2]> = (0..=2000).map(|n| [0.01 * f64::from(n), speed(0.01 * f64::from(n))]).collect();
     let motion = Motion::from_speeds(&rows).unwrap();
     let gathering = Gathering { bins: 6, ..Gathering::default() };
@@ -74,7 +76,8 @@ fn seams_are_left_out_and_noise_is_taken_off() {
     let gated = Take { seams, ..take(samples.clone(), rate_hz, Motion::Steady(1.0)) };
     let (spectra, counts) = measure(&[gated], &Gathering::default()).unwrap();
     assert!(counts[0].seams > 30 && counts[0].clips > 200, "{counts:?}");
-    let level = |spectra: &FrictionSpectra| super::super::spectra::power(&spectra.measured()[0].density, SPACING_HZ);
+    let level =
+        |spectra: &FrictionSpectra| super::super::spectra::power(&spectra.measured()[0].density, SPACING_HZ);
     assert!((level(&spectra) / 0.0025 - 1.0).abs() < 0.03, "{}", level(&spectra));
     let (with, _) = measure(&[take(samples, rate_hz, Motion::Steady(1.0))], &Gathering::default()).unwrap();
     assert!(level(&with) > 1.5 * level(&spectra));
@@ -93,7 +96,9 @@ fn seams_are_left_out_and_noise_is_taken_off() {
 #[test]
 fn what_gives_no_spectrum_is_refused() {
     let short = take(vec![0.0; 100], 48_000.0, Motion::Steady(1.0));
-    assert!(measure(&[short], &Gathering::default()).unwrap_err().to_string().contains("shorter than a clip"));
+    assert!(
+        measure(&[short], &Gathering::default()).unwrap_err().to_string().contains("shorter than a clip")
+    );
     let still = take(vec![0.0; 48_000], 48_000.0, Motion::Steady(0.0));
     assert!(measure(&[still], &Gathering::default()).unwrap_err().to_string().contains("fast enough"));
     assert!(measure(&[], &Gathering::default()).is_err());
