@@ -1,6 +1,7 @@
 //! The `froufrou` command: animations in, soundtracks out.
 
 mod completions;
+mod corpus;
 mod demo;
 mod events;
 mod file_kind;
@@ -46,6 +47,7 @@ enum Command {
     Info(info::Info),
     Plot(plot::Plot),
     Grains(grains::Grains),
+    Corpus(corpus::Corpus),
     Completions(completions::Completions),
     Man(completions::Man),
 }
@@ -60,6 +62,7 @@ fn main() -> ExitCode {
         Command::Info(command) => command.run(),
         Command::Plot(command) => command.run(),
         Command::Grains(command) => command.run(),
+        Command::Corpus(command) => command.run(),
         Command::Completions(command) => command.run(),
         Command::Man(command) => command.run(),
     };

@@ -204,8 +204,19 @@ fn a_project_has_a_track_for_each_stem_and_a_marker_for_each_sound() {
 
 #[test]
 fn shells_and_readers_are_helped_with_every_command() {
-    let commands =
-        ["demo", "render", "events", "score", "mix", "grains", "info", "plot", "completions", "man"];
+    let commands = [
+        "demo",
+        "render",
+        "events",
+        "score",
+        "mix",
+        "grains",
+        "corpus",
+        "info",
+        "plot",
+        "completions",
+        "man",
+    ];
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         let output = froufrou(["completions", shell]);
         good(&output);

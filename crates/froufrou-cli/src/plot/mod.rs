@@ -2,6 +2,7 @@
 
 mod axis;
 mod canvas;
+pub mod cloth;
 mod colour;
 mod envelope;
 mod events;

@@ -24,10 +24,10 @@ mod folder;
 mod index;
 pub mod manifest;
 mod matching;
-mod packed;
-mod prepare;
+pub(in crate::corpus) mod packed;
+pub(in crate::corpus) mod prepare;
 mod resampled;
-mod sinusoids;
+pub(in crate::corpus) mod sinusoids;
 #[cfg(test)]
 mod tests;
 

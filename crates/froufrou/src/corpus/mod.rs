@@ -1,5 +1,6 @@
 //! What it can sound like: recordings in; signals that can be played out.
 
+pub mod cloth;
 pub mod dictionary;
 pub mod distance;
 pub mod grains;

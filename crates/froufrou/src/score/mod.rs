@@ -42,6 +42,7 @@ pub mod compose;
 pub mod ending;
 pub mod retarget;
 
+use crate::corpus::cloth::synthetic;
 use crate::space::ambisonic::{self, CHANNEL_NAMES};
 use crate::space::bands::Bands;
 
@@ -123,6 +124,11 @@ pub enum Make {
         /// The folder of the corpus.
         corpus: String,
     },
+    /// Cloth that rubs at speeds and pops as it is told.
+    Cloth {
+        /// The folder of its corpus, or the name of a model: `synthetic/cotton`.
+        corpus: String,
+    },
 }
 
 impl Make {
@@ -133,6 +139,7 @@ impl Make {
             | Make::Modes { table: Some(file), .. }
             | Make::Procedure { script: file }
             | Make::Grains { corpus: file } => Some(file),
+            Make::Cloth { corpus } if !corpus.starts_with(synthetic::PREFIX) => Some(corpus),
             _ => None,
         }
     }
@@ -143,6 +150,7 @@ impl Make {
             | Make::Modes { table: Some(file), .. }
             | Make::Procedure { script: file }
             | Make::Grains { corpus: file } => Some(file),
+            Make::Cloth { corpus } if !corpus.starts_with(synthetic::PREFIX) => Some(corpus),
             _ => None,
         }
     }
@@ -162,6 +170,7 @@ impl Make {
             Make::Membrane => "membrane",
             Make::Procedure { .. } => "procedure",
             Make::Grains { .. } => "grains",
+            Make::Cloth { .. } => "cloth",
         }
     }
 }

@@ -25,7 +25,7 @@ const THREAD_VERBS: [&str; 5] = ["start", "path", "key", "jump", "end"];
 const CUE_VERBS: [&str; 3] = ["set", "strike", "grain"];
 const START_CLAUSES: [&str; 5] = ["speed", "offset", "object", "cause", "pattern"];
 /// The words for synthesised sounds.
-const KINDS: [&str; 11] = [
+const KINDS: [&str; 12] = [
     "string",
     "bar",
     "free-bar",
@@ -37,6 +37,7 @@ const KINDS: [&str; 11] = [
     "membrane",
     "procedure",
     "grains",
+    "cloth",
 ];
 
 /// Reads the first line, which tells the space.
@@ -156,6 +157,7 @@ pub fn read_sound(words: &mut Words<'_>) -> Result<Sound> {
         "turbulence" => Make::Turbulence,
         "membrane" => Make::Membrane,
         "grains" => Make::Grains { corpus: words.name("the folder of the corpus")?.into_owned() },
+        "cloth" => Make::Cloth { corpus: words.name("the folder of the corpus, or a model")?.into_owned() },
         _ => Make::Procedure { script: words.name("the path of the script")?.into_owned() },
     };
     let with = match words.keyword("`with`")? {
@@ -246,8 +248,9 @@ fn sound_line(sound: &Sound) -> Result<String> {
             text.push_str("procedure ");
             push_quoted(&mut text, script);
         }
-        Make::Grains { corpus } => {
-            text.push_str("grains ");
+        Make::Grains { corpus } | Make::Cloth { corpus } => {
+            text.push_str(sound.make.kind());
+            text.push(' ');
             push_quoted(&mut text, corpus);
         }
     }

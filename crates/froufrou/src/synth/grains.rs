@@ -71,6 +71,32 @@ impl Grains {
     }
 }
 
+/// Pieces of sound at one rate that a [`Player`] can play by their numbers.
+pub(super) trait Clips: Send + Sync {
+    /// How many there are.
+    fn count(&self) -> usize;
+
+    /// The samples of one; none where there is no such piece.
+    fn samples(&self, number: usize) -> &[f32];
+
+    /// By how many samples one begins before the place that it should have.
+    fn phase(&self, number: usize) -> f64;
+}
+
+impl Clips for Bank {
+    fn count(&self) -> usize {
+        self.phases.len()
+    }
+
+    fn samples(&self, number: usize) -> &[f32] {
+        self.dictionary.samples(number)
+    }
+
+    fn phase(&self, number: usize) -> f64 {
+        self.phases.get(number).copied().unwrap_or(0.0)
+    }
+}
+
 /// All grains of a corpus at one rate.
 struct Bank {
     dictionary: Arc<Dictionary>,
@@ -110,23 +136,13 @@ impl Instrument for Grains {
     }
 
     fn generator(&self, rate_hz: f64, random: Random) -> Result<Box<dyn Generator>> {
-        sinc::prepare(2.0);
-        Ok(Box::new(Player {
-            bank: self.bank(rate_hz)?,
-            random,
-            begun: 0,
-            playing: Vec::new(),
-            positions: Vec::new(),
-            ratios: Vec::new(),
-            read: Vec::new(),
-            window: Vec::new(),
-        }))
+        Ok(Box::new(Player::new(self.bank(rate_hz)?, random)))
     }
 }
 
 /// The grains of one thread.
-struct Player {
-    bank: Arc<Bank>,
+pub(super) struct Player {
+    bank: Arc<dyn Clips>,
     random: Random,
     /// How many grains have begun.
     begun: u64,
@@ -154,9 +170,27 @@ struct Playing {
 }
 
 impl Player {
+    /// Of one thread, with pieces at its rate. All that is random in it comes from `random`.
+    pub fn new(bank: Arc<dyn Clips>, random: Random) -> Self {
+        sinc::prepare(2.0);
+        Self {
+            bank,
+            random,
+            begun: 0,
+            playing: Vec::new(),
+            positions: Vec::new(),
+            ratios: Vec::new(),
+            read: Vec::new(),
+            window: Vec::new(),
+        }
+    }
+
     fn begin(&mut self, start: &GrainStart, first: u64, rate_hz: f64) {
         let number = start.grain.number as usize;
-        let Some(phase) = self.bank.phases.get(number) else { return };
+        if number >= self.bank.count() {
+            return;
+        }
+        let phase = self.bank.phase(number);
         // Where its first sample lies, which is a whole one for a grain that is played as it is.
         let mut at = start.time_s * rate_hz - phase;
         let is_plain = start.grain.speed == 1.0 && start.grain.spread == 0.0;
@@ -199,7 +233,7 @@ impl Generator for Player {
         let count = out.len();
         let Self { bank, random, playing, positions, ratios, read, window, .. } = self;
         playing.retain_mut(|grain| {
-            let samples = bank.dictionary.samples(grain.number);
+            let samples = bank.samples(grain.number);
             let length = samples.len() as f64;
             // The first sample of the stretch that lies in the grain.
             let skip = ((-grain.age).ceil().max(0.0) as usize).min(count);

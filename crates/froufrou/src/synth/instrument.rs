@@ -106,6 +106,17 @@ pub trait Instrument: Send + Sync {
         None
     }
 
+    /// How many pieces of sound there are that a `grain` may begin.
+    fn clips(&self) -> usize {
+        self.corpus().map_or(0, |corpus| corpus.grains().len())
+    }
+
+    /// How far ahead of its sound it is told its controls, in seconds, for one that makes its sound in longer pieces and has to
+    /// know what is in their middle.
+    fn ahead_s(&self) -> f64 {
+        0.0
+    }
+
     /// A generator for one thread. All that is random in it comes from `random`.
     ///
     /// # Errors

@@ -1,7 +1,9 @@
 //! What the signal is: threads in, samples out, block by block.
 
 pub mod bus;
+pub mod cloth;
 mod filter;
+pub mod friction;
 mod gate;
 pub mod grains;
 pub mod instrument;

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::cloth::Cloth;
 use super::grains::Grains;
 use super::instrument::{Instrument, Parameters};
 use super::membrane::Membrane;
@@ -18,6 +19,7 @@ use super::procedure::Procedure;
 use super::stick_slip::StickSlip;
 use super::turbulence::Turbulence;
 use super::voice::Prototype;
+use crate::corpus::cloth::ClothSound;
 use crate::corpus::dictionary::Dictionary;
 use crate::corpus::looping::seamless_loop;
 use crate::corpus::recording::Recording;
@@ -84,6 +86,9 @@ fn instrument(sound: &Sound, make: &Make, folder: &Path) -> Result<Arc<dyn Instr
             .finish()
             .and_then(|()| Dictionary::open(&folder.join(corpus)))
             .map(|dictionary| Arc::new(Grains::new(Arc::new(dictionary))) as _),
+        Make::Cloth { corpus } => ClothSound::named(corpus, folder)
+            .and_then(|cloth| Cloth::new(Arc::new(cloth), &sound.with))
+            .map(|cloth| Arc::new(cloth) as _),
         Make::Recording { .. } => Err(Error::new("a recording is no instrument")),
     };
     made.map_err(named)

@@ -22,6 +22,8 @@ pub(crate) struct Source {
     controls: Vec<ControlTrack>,
     rings: bool,
     grain_count: usize,
+    /// How far ahead of its sound the generator is told its controls.
+    ahead_s: f64,
     strikes: VecDeque<Strike>,
     grains: VecDeque<GrainStart>,
     /// The signal from sample `base` on.
@@ -71,7 +73,8 @@ impl Source {
             rate_hz,
             controls: instrument.controls().iter().map(track).collect(),
             rings: instrument.ring_s().is_some(),
-            grain_count: instrument.corpus().map_or(0, |corpus| corpus.grains().len()),
+            grain_count: instrument.clips(),
+            ahead_s: instrument.ahead_s(),
             strikes: VecDeque::new(),
             grains: VecDeque::new(),
             samples: Vec::new(),
@@ -129,6 +132,7 @@ impl Source {
     pub(crate) fn known_s(&self) -> f64 {
         let last = self.controls.iter().filter(|track| track.keys.len() > 1);
         last.filter_map(|track| track.keys.back()).map(|&(key_s, _)| key_s).fold(f64::INFINITY, f64::min)
+            - self.ahead_s
     }
 
     /// Makes the signal up to sample `to`, and forgets it up to sample `from`.
@@ -167,8 +171,9 @@ impl Source {
         let end_s = (first + out.len() as u64) as f64 / self.rate_hz;
         self.ramps.clear();
         for track in &mut self.controls {
-            track.forget(begin_s);
-            self.ramps.push(Ramp { from: track.at(begin_s), to: track.at(end_s) });
+            let [from_s, to_s] = [begin_s, end_s].map(|time_s| time_s + self.ahead_s);
+            track.forget(from_s);
+            self.ramps.push(Ramp { from: track.at(from_s), to: track.at(to_s) });
         }
         self.due.clear();
         while let Some(strike) = self.strikes.front().filter(|strike| strike.time_s < end_s) {

@@ -18,7 +18,7 @@ pub(super) fn commonest(rates: impl IntoIterator<Item = u32>) -> Option<u32> {
 }
 
 /// The sound at another rate; sample 0 stays where it is.
-pub(super) fn at_rate(samples: Vec<f32>, from_hz: u32, to_hz: u32) -> Result<Vec<f32>> {
+pub(in crate::corpus) fn at_rate(samples: Vec<f32>, from_hz: u32, to_hz: u32) -> Result<Vec<f32>> {
     check_sound(&samples, from_hz)?;
     check_sound(&samples, to_hz)?;
     if from_hz == to_hz {

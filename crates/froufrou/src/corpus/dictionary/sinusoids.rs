@@ -13,7 +13,7 @@ use crate::corpus::grains::{Contact, GrainKind};
 use crate::error::{Error, Result};
 
 /// The folder of what can be computed again.
-pub(super) const CACHE: &str = "cache";
+pub(in crate::corpus) const CACHE: &str = "cache";
 
 /// What the first line of a file says.
 const KIND: &str = "froufrou sinusoids 1";
@@ -86,7 +86,7 @@ fn cached(path: &PathBuf, length: usize) -> Option<Vec<f32>> {
 }
 
 /// Writes a file whole.
-pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+pub(in crate::corpus) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     use std::io::Write;
     let mut file = WholeFile::create(path)?;
     file.write_all(bytes).map_err(|e| Error::io("write", path, e))?;
