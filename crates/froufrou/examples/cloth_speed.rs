@@ -8,7 +8,8 @@
 //! `.positions` of all frames, one after another, as 32-bit floats. Into it go, of the last frame, `curvature.f64` (mean
 //! curvature and area of each vertex of the cloth) and `contacts.f64` (triangle of the other, or −1, and distance).
 //! What it took is printed: seconds for all frames of curvature, of buckles, of contacts with the other within the
-//! radius and at any distance, and of all that the analyser does.
+//! radius and at any distance, and of all that the analyser does; of processors, and by the clock. (A machine that does
+//! other things too lets the clock run on; where the system does not tell how long processors worked both are the same.)
 
 use std::path::Path;
 use std::time::Instant;
@@ -18,6 +19,38 @@ use froufrou::motion::cloth::curvature::Curvature;
 use froufrou::motion::cloth::proximity::{Proximity, Touchable};
 use froufrou::motion::cloth::{Analyser, ClothSettings, Participant};
 use froufrou::scene::animation::Mesh;
+
+/// The clock, and how long processors have worked.
+struct Watch {
+    started: Instant,
+    processor_s: f64,
+}
+
+impl Watch {
+    fn start() -> Self {
+        Self { started: Instant::now(), processor_s: processor_s().unwrap_or_default() }
+    }
+
+    /// Processor time and clock since it was started, in seconds.
+    fn read(&self) -> [f64; 2] {
+        let clock_s = self.started.elapsed().as_secs_f64();
+        [processor_s().map_or(clock_s, |now_s| now_s - self.processor_s), clock_s]
+    }
+}
+
+/// How long the threads of this process have run, in seconds; Linux tells.
+fn processor_s() -> Option<f64> {
+    let mut total_ns = 0;
+    for task in std::fs::read_dir("/proc/self/task").ok()? {
+        let text = std::fs::read_to_string(task.ok()?.path().join("schedstat")).ok()?;
+        total_ns += text.split_whitespace().next()?.parse::<u64>().ok()?;
+    }
+    Some(total_ns as f64 * 1e-9)
+}
+
+fn say(what: &str, [processor_s, clock_s]: [f64; 2]) {
+    println!("{what} {processor_s:.6} {clock_s:.6}");
+}
 
 type Fallible<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -59,39 +92,31 @@ fn main() -> Fallible<()> {
     let mut objects = [Touchable::new(first)?, Touchable::new(first_other)?];
 
     let mut curvature = Curvature::default();
-    let started = Instant::now();
+    let watch = Watch::start();
     for mesh in &cloth {
         curvature.measure(objects[0].surface(), &mesh.positions);
     }
-    println!("curvature {:.6}", started.elapsed().as_secs_f64());
+    say("curvature", watch.read());
     let numbers = curvature.mean_per_m().iter().zip(curvature.area_m2()).flat_map(|(h, a)| [*h, *a]);
     write(&folder.join("curvature.f64"), numbers)?;
 
     let mut buckles = Buckles::new(BuckleSettings::default());
-    let mut taken_s = 0.0;
+    let watch = Watch::start();
     for (frame, mesh) in cloth.iter().enumerate() {
         curvature.measure(objects[0].surface(), &mesh.positions);
-        let started = Instant::now();
         buckles.feed(frame as f64 / 60.0, objects[0].surface(), &curvature, &mesh.positions);
-        taken_s += started.elapsed().as_secs_f64();
     }
-    println!("buckles {taken_s:.6}");
+    say("both", watch.read());
 
     for (name, radius_m) in [("near", radius_m), ("any", 1e6)] {
-        // All of the cloth belongs to its own surroundings: the other is asked alone.
-        let started = Instant::now();
-        let mut proximity = Proximity::new(0, &objects[0], radius_m, 1e6);
-        println!("surroundings {:.6}", started.elapsed().as_secs_f64());
-        let mut taken_s = [0.0; 2];
+        let mut proximity = Proximity::new(0, &objects[0], radius_m, f64::INFINITY);
+        let watch = Watch::start();
         for (mesh, other) in cloth.iter().zip(&other) {
             objects[0].follow(&mesh.positions);
-            let started = Instant::now();
             objects[1].follow(&other.positions);
-            taken_s[0] += started.elapsed().as_secs_f64();
             proximity.contacts(&objects);
-            taken_s[1] += started.elapsed().as_secs_f64();
         }
-        println!("follow {:.6}\n{name} {:.6}", taken_s[0], taken_s[1]);
+        say(name, watch.read());
         if name == "any" {
             let mut found = vec![[-1.0; 2]; first.positions.len()];
             let vertices = proximity.vertices().to_vec();
@@ -103,23 +128,31 @@ fn main() -> Fallible<()> {
             write(&folder.join("contacts.f64"), found.into_iter().flatten())?;
         }
     }
+    let watch = Watch::start();
+    for (mesh, other) in cloth.iter().zip(&other) {
+        objects[0].follow(&mesh.positions);
+        objects[1].follow(&other.positions);
+    }
+    say("follow", watch.read());
 
     let settings = ClothSettings::default();
     let participants = [("cloth", Some(settings)), ("other", None)]
         .map(|(name, cloth)| Participant { name: name.to_owned(), cloth });
     let mut analyser = Analyser::new(participants.to_vec());
-    let started = Instant::now();
+    let frames: Vec<[Mesh; 2]> = cloth.into_iter().zip(other).map(|(cloth, other)| [cloth, other]).collect();
+    let watch = Watch::start();
     let mut events = 0;
-    for (frame, (cloth, other)) in cloth.iter().zip(&other).enumerate() {
-        analyser.feed(frame as f64 / 25.0, &[cloth.clone(), other.clone()])?;
+    for (frame, meshes) in frames.iter().enumerate() {
+        analyser.feed(frame as f64 / 25.0, meshes)?;
         if frame == 0 {
-            println!("begin {:.6}", started.elapsed().as_secs_f64());
+            say("begin", watch.read());
         }
         events += std::iter::from_fn(|| analyser.next_event()).count();
         while analyser.next_sliding().is_some() {}
     }
     analyser.finish();
     events += std::iter::from_fn(|| analyser.next_event()).count();
-    println!("all {:.6}\nevents {events}", started.elapsed().as_secs_f64());
+    say("all", watch.read());
+    println!("events {events} {events}");
     Ok(())
 }
