@@ -8,6 +8,7 @@ pub mod impact;
 pub mod lives;
 mod momentum;
 pub mod moving;
+pub mod moving_cloth;
 pub mod rigid;
 pub mod rub;
 pub mod slide;

@@ -95,9 +95,10 @@ impl Touchable {
 #[derive(Debug, Clone)]
 pub struct Proximity {
     radius_m: f64,
-    /// The number of the cloth's own mesh among the objects, and what of it its vertices leave out.
+    /// The number of the cloth's own mesh among the objects, and what of it its vertices leave out; nothing where they
+    /// leave out all of it.
     own: u32,
-    surroundings: Surroundings,
+    surroundings: Option<Surroundings>,
     /// The vertices that are asked for.
     vertices: Vec<u32>,
     /// What each of them touched in the last frame.
@@ -109,10 +110,13 @@ impl Proximity {
     ///
     /// `radius_m` is how near is touching. What of the cloth is within `surroundings_m` along its edges from a vertex
     /// that vertex does not touch; nor what is up to a quarter further, so that vertices beside each other can share
-    /// the work. Twice the radius leaves out what is near since a fold is round.
+    /// the work. Twice the radius leaves out what is near since a fold is round. With an infinite one the cloth never
+    /// touches itself.
     pub fn new(own: u32, cloth: &Touchable, radius_m: f64, surroundings_m: f64) -> Self {
         let Touchable { surface, tree, positions, .. } = cloth;
-        let surroundings = Surroundings::new(surface, positions, surroundings_m, tree.slots());
+        let surroundings = surroundings_m
+            .is_finite()
+            .then(|| Surroundings::new(surface, positions, surroundings_m, tree.slots()));
         let vertices: Vec<u32> =
             (0..surface.vertex_count() as u32).filter(|&vertex| !surface.fan(vertex).is_empty()).collect();
         let last = vec![None; vertices.len()];
@@ -147,8 +151,13 @@ impl Proximity {
                 }
                 for (number, object) in objects.iter().enumerate() {
                     let number = number as u32;
-                    let left_out = if number == own { surroundings.of(vertex) } else { &[] };
-                    object.tree.nearest(number, point, left_out, &mut best);
+                    match surroundings {
+                        Some(surroundings) if number == own => {
+                            object.tree.nearest(number, point, surroundings.of(vertex), &mut best);
+                        }
+                        None if number == own => {}
+                        _ => object.tree.nearest(number, point, &[], &mut best),
+                    }
                 }
                 *last = best.found().map(|best| Contact {
                     object: best.object,

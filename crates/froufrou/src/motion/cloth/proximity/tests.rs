@@ -24,7 +24,8 @@ fn brute(proximity: &Proximity, things: &[Touchable]) -> Vec<Option<Contact>> {
         for (number, thing) in things.iter().enumerate() {
             for (t, corners) in thing.surface.triangles().iter().enumerate() {
                 let slot = thing.tree.slots()[t];
-                let left_out = holds(proximity.surroundings.of(vertex), slot, slot + 1);
+                let surroundings = proximity.surroundings.as_ref().map_or(&[][..], |all| all.of(vertex));
+                let left_out = holds(surroundings, slot, slot + 1);
                 if number as u32 == proximity.own && left_out {
                     continue;
                 }
@@ -141,6 +142,15 @@ fn a_cloth_does_not_touch_its_own_surroundings() {
             assert_eq!(*contact, None, "{x}");
         }
     }
+}
+
+#[test]
+fn what_is_told_not_to_touches_others_alone() {
+    let things = things(&scene(0.0));
+    let mut proximity = Proximity::new(1, &things[1], 0.5, f64::INFINITY);
+    let contacts = proximity.contacts(&things);
+    assert!(contacts.iter().flatten().all(|contact| contact.object != 1));
+    assert!(contacts.iter().flatten().count() > 100);
 }
 
 #[test]
