@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use froufrou::Result;
-use froufrou::motion::cloth::buckles::BuckleSettings;
 use froufrou::motion::cloth::sliding::{Sliding, SlidingSettings};
 use froufrou::motion::cloth::{ClothSettings, Participant};
 use froufrou::motion::event::{Buckle, Event, Friction};
@@ -42,7 +41,8 @@ fn bodies(path: &Path, cloth: &str, settings: ClothSettings) -> MovingCloth {
     let world = World::open(&scene).expect("a sound archive");
     let mut bodies = Vec::new();
     for body in world.objects.iter().flatten() {
-        let Some(carrier) = body.carrier.as_ref().filter(|carrier| carrier.topology() != Topology::None) else {
+        let Some(carrier) = body.carrier.as_ref().filter(|carrier| carrier.topology() != Topology::None)
+        else {
             continue;
         };
         let cloth = body.name.contains(cloth).then_some(settings);
@@ -172,7 +172,7 @@ fn paper_buckles_when_its_bow_flips() -> Result<()> {
 #[test]
 fn a_dress_slides_along_its_dancer() -> Result<()> {
     let Some(path) = data("rumba_dress.abc") else { return Ok(()) };
-    let settings = ClothSettings { buckles: BuckleSettings::default(), sliding: SlidingSettings::default() };
+    let settings = ClothSettings::default();
     let names: Vec<String> =
         bodies(&path, "", settings).participants().iter().map(|p| p.name.clone()).collect();
     println!("{names:?}");

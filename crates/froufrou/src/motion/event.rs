@@ -40,6 +40,10 @@ pub struct Buckle {
     pub cloth: String,
     /// Where its middle is, in metres.
     pub position_m: [f64; 3],
+    /// The patch of the cloth that it is in, from 0.
+    pub patch: u32,
+    /// Where the middle of that is, in metres.
+    pub patch_m: [f64; 3],
     /// Σ A·|dH/dt| over its vertices, in metres a second: how large it is, and how fast its curvature changes.
     pub energy_mps: f64,
     /// Whether its mean curvature goes from below 0 to above it: it becomes convex, seen from outside.
@@ -61,6 +65,8 @@ pub struct Friction {
     pub lasts_s: f64,
     /// The cloth.
     pub cloth: String,
+    /// The patch of it that does, from 0.
+    pub patch: u32,
     /// What it slides along; the cloth itself where it does so.
     pub other: String,
     /// The middle of what slides, weighted by area and speed, in metres.
@@ -69,6 +75,8 @@ pub struct Friction {
     pub area_m2: f64,
     /// Its mean speed along the other, weighted by area, in metres a second.
     pub speed_mps: f64,
+    /// How much slides how fast: speeds in metres a second, each with its area in square metres, from slow to fast.
+    pub speeds: Vec<[f64; 2]>,
     /// What it was told by.
     pub cause: Cause,
 }
@@ -242,13 +250,19 @@ pub fn write(to: &mut impl Write, event: &Event) -> std::io::Result<()> {
             let places = rub.position_m.into_iter().chain(rub.on_m.into_iter().flatten().flatten());
             numbers.chain(places).chain(rub.cause.numbers()).collect()
         }
-        Event::Buckle(Buckle { time_s, lasts_s, position_m, energy_mps, cause, .. }) => {
+        Event::Buckle(Buckle { time_s, lasts_s, position_m, patch_m, energy_mps, cause, .. }) => {
             let numbers = [*time_s, *lasts_s, *energy_mps].into_iter();
-            numbers.chain(*position_m).chain(cause.numbers()).collect()
+            numbers.chain(*patch_m).chain(*position_m).chain(cause.numbers()).collect()
         }
-        Event::Friction(Friction { time_s, lasts_s, position_m, area_m2, speed_mps, cause, .. }) => {
+        Event::Friction(Friction {
+            time_s, lasts_s, position_m, area_m2, speed_mps, speeds, cause, ..
+        }) => {
             let numbers = [*time_s, *lasts_s, *area_m2, *speed_mps].into_iter();
-            numbers.chain(*position_m).chain(cause.numbers()).collect()
+            numbers
+                .chain(speeds.iter().flatten().copied())
+                .chain(*position_m)
+                .chain(cause.numbers())
+                .collect()
         }
     };
     if !numbers.into_iter().all(f64::is_finite) {
@@ -362,6 +376,8 @@ mod tests {
             lasts_s,
             cloth: name.to_owned(),
             position_m: [x, y, z],
+            patch: name.len() as u32,
+            patch_m: [y, z, x],
             energy_mps: a,
             positive: a > b,
             vertices: name.len() as u32,
@@ -375,6 +391,8 @@ mod tests {
             position_m: [z, x, y],
             area_m2: a,
             speed_mps: b,
+            patch: name.len() as u32,
+            speeds: vec![[b, a], [a, x]],
             cause,
         };
         [Event::Buckle(buckle), Event::Friction(friction)]

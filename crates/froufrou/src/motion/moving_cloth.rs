@@ -1,14 +1,18 @@
 //! What the cloths of a scene do, told by how their meshes and those of what they touch move.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use rayon::prelude::*;
 
-use super::cloth::sliding::Sliding;
-use super::cloth::{Analyser, Participant, Restart};
+use super::cloth::buckles::BuckleSettings;
+use super::cloth::sliding::{Sliding, SlidingSettings};
+use super::cloth::{Analyser, ClothSettings, Participant, Restart};
 use super::event::Event;
+use crate::scene::Scene;
 use crate::scene::animation::{Mesh, Topology};
-use crate::scene::world::Carrier;
+use crate::scene::file::Cloth;
+use crate::scene::world::{Carrier, World};
 use crate::{Error, Place, Result};
 
 /// What is told of cloths.
@@ -66,7 +70,9 @@ impl MovingCloth {
     /// An object without a mesh.
     pub fn new(bodies: Vec<(Participant, Carrier)>, file: impl Into<PathBuf>) -> Result<Self> {
         let file = file.into();
-        if let Some((participant, _)) = bodies.iter().find(|(_, carrier)| carrier.topology() == Topology::None) {
+        if let Some((participant, _)) =
+            bodies.iter().find(|(_, carrier)| carrier.topology() == Topology::None)
+        {
             return Err(Error::new("cloth cannot touch it: it has no mesh")
                 .at(Place::Part(participant.name.clone()))
                 .in_file(file));
@@ -114,6 +120,86 @@ impl MovingCloth {
         self.next_s = self.carriers[self.leading].next_key_s(time_s);
         Ok(())
     }
+}
+
+/// How the cloth of a scene is looked at.
+fn settings(cloth: &Cloth) -> ClothSettings {
+    ClothSettings {
+        buckles: BuckleSettings { least_energy_mps: cloth.least_energy_mps, ..BuckleSettings::default() },
+        sliding: SlidingSettings {
+            radius_m: cloth.radius_m,
+            threshold_mps: cloth.floor_speed_mps,
+            scale_mps: cloth.speed_scale_mps,
+            exponent: cloth.speed_exponent,
+            ..SlidingSettings::default()
+        },
+        patches: cloth.patches,
+    }
+}
+
+/// The cloths of a scene, by their materials; what else has a mesh takes part where `others` is true.
+fn cloths_of(
+    scene: &Scene,
+    world: &World,
+    others: bool,
+    settings: impl Fn(&Cloth) -> ClothSettings,
+) -> Result<Option<MovingCloth>> {
+    let mut bodies = Vec::new();
+    for (object, members) in scene.objects.iter().zip(&world.objects) {
+        let material = object.material.and_then(|index| scene.materials.get(index));
+        let cloth = material.and_then(|material| material.cloth.as_ref()).map(&settings);
+        for member in members {
+            let carrier = member.carrier.as_ref().filter(|_| object.swarm.is_none());
+            let has_mesh = carrier.is_some_and(|carrier| carrier.topology() != Topology::None);
+            if cloth.is_some() && !has_mesh {
+                return Err(Error::new("it is of cloth and has no mesh")
+                    .at(Place::Part(member.name.clone()))
+                    .in_file(&scene.file)
+                    .help("give it a `source` that names a mesh"));
+            }
+            if let Some(carrier) = carrier.filter(|_| has_mesh && (others || cloth.is_some())) {
+                bodies.push((Participant { name: member.name.clone(), cloth }, carrier.clone()));
+            }
+        }
+    }
+    if bodies.iter().all(|(participant, _)| participant.cloth.is_none()) {
+        return Ok(None);
+    }
+    MovingCloth::new(bodies, &scene.file).map(Some)
+}
+
+/// What the cloths of a scene do, in order of time: the objects whose materials have a `cloth`, along all that have a
+/// mesh. Swarms are left out.
+///
+/// # Errors
+/// An object of cloth without a mesh; what cannot be read, later on.
+pub fn events(scene: &Scene, world: &World) -> Result<impl Iterator<Item = Result<Event>> + Send + use<>> {
+    let cloths = cloths_of(scene, world, true, settings)?;
+    Ok(cloths.into_iter().flatten().filter_map(|told| match told {
+        Ok(Told::Event(event)) => Some(Ok(event)),
+        Ok(Told::Sliding(_) | Told::Restart(_)) => None,
+        Err(fault) => Some(Err(fault)),
+    }))
+}
+
+/// The energies of all buckles of each cloth of a scene, by its name: what those of recorded pops are held against.
+///
+/// # Errors
+/// Those of [`events`].
+pub fn buckle_energies(scene: &Scene, world: &World) -> Result<BTreeMap<String, Vec<f64>>> {
+    let buckles_alone = |cloth: &Cloth| ClothSettings {
+        // Nothing touches.
+        sliding: SlidingSettings { radius_m: 0.0, surroundings_m: Some(0.0), ..SlidingSettings::default() },
+        patches: 1,
+        ..settings(cloth)
+    };
+    let mut energies: BTreeMap<String, Vec<f64>> = BTreeMap::new();
+    for told in cloths_of(scene, world, false, buckles_alone)?.into_iter().flatten() {
+        if let Told::Event(Event::Buckle(buckle)) = told? {
+            energies.entry(buckle.cloth).or_default().push(buckle.energy_mps);
+        }
+    }
+    Ok(energies)
 }
 
 impl Iterator for MovingCloth {

@@ -123,7 +123,7 @@ fn end_s(scene: &Scene, world: &World) -> Result<f64> {
 /// What a composer has to know of each sound.
 fn facts(soundings: &Soundings) -> impl Iterator<Item = (String, SoundFacts)> + '_ {
     soundings.iter().map(|(name, sounding)| {
-        let mut grains = None;
+        let (mut grains, mut cloth) = (None, None);
         let (period_s, ring_s, controls) = match sounding {
             Sounding::Recording(prototype) => {
                 let period_s = prototype.samples.len() as f64 / prototype.rate_hz;
@@ -132,10 +132,14 @@ fn facts(soundings: &Soundings) -> impl Iterator<Item = (String, SoundFacts)> + 
             Sounding::Instrument(instrument) => {
                 let controls = instrument.controls().iter().map(|control| control.name.clone());
                 grains = instrument.corpus();
+                cloth = instrument.cloth();
                 (None, instrument.ring_s(), controls.collect())
             }
         };
-        (name.clone(), SoundFacts { length_s: sounding.duration_s(), period_s, ring_s, controls, grains })
+        (
+            name.clone(),
+            SoundFacts { length_s: sounding.duration_s(), period_s, ring_s, controls, grains, cloth },
+        )
     })
 }
 

@@ -146,6 +146,8 @@ pub struct Material {
     pub roll: Option<RubSound>,
     /// What it sounds like in every contact that has no sound of its own above.
     pub grains: Option<GrainSound>,
+    /// What it sounds like as a cloth that rubs and crumples.
+    pub cloth: Option<Cloth>,
     /// What it sounds like when it moves through the air.
     pub air: Option<AirSound>,
     /// What it does to the sound of others.
@@ -289,6 +291,35 @@ pub struct GrainSound {
     pub reference_force_n: f64,
     /// How far the pitch of tones strays at the reference force, as a part of it.
     pub spread: f64,
+    /// The distance at which it is heard at its own gain, in metres.
+    pub reference_distance_m: f64,
+}
+
+/// A material of cloth: objects of it are looked at for where they rub and buckle (An, James & Marschner 2012).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cloth {
+    /// The folder of its corpus, or the name of a model such as `synthetic/cotton`.
+    pub corpus: String,
+    /// The corpora of its friction along other materials, by their names.
+    pub against: Vec<(String, String)>,
+    /// How near a vertex is to what it rubs on, in metres.
+    pub radius_m: f64,
+    /// A vertex that is slower is silent, in metres a second.
+    pub floor_speed_mps: f64,
+    /// Speeds are divided by this, in metres a second, …
+    pub speed_scale_mps: f64,
+    /// … and then raised to this power.
+    pub speed_exponent: f64,
+    /// Buckles of less energy are silent, in metres a second.
+    pub least_energy_mps: f64,
+    /// Pops come later than their buckles by up to this, at random, in seconds.
+    pub jitter_s: f64,
+    /// In how many patches its friction is heard from its surface.
+    pub patches: usize,
+    /// Gain of friction in decibels.
+    pub friction_db: f64,
+    /// Gain of pops in decibels.
+    pub pops_db: f64,
     /// The distance at which it is heard at its own gain, in metres.
     pub reference_distance_m: f64,
 }

@@ -18,6 +18,7 @@ use super::pose_log::PoseColumns;
 use super::toml::{Document, Node, Table, nearest};
 use super::track::{Interpolation, Track, TrackKey};
 
+mod cloth;
 mod enclosure;
 mod sounds;
 
@@ -139,6 +140,7 @@ pub(crate) const ALL_KEYS: &[(&str, Keys)] = &[
     ("`impact` of a material", sounds::IMPACT),
     ("`slide` and `roll` of a material", sounds::RUB),
     ("`grains` of a material", sounds::GRAINS),
+    ("`cloth` of a material", cloth::CLOTH),
     ("`air` of a material", sounds::AIR),
     ("`reflect` of a material", sounds::REFLECT),
     ("`occlude` of a material", sounds::OCCLUDE),

@@ -4,6 +4,7 @@
 //! Lines come out in time order as they are asked for, so that a score of any length is made in the
 //! memory of the threads that sound at once.
 
+mod cloth;
 mod contacts;
 mod grains;
 mod palette;
@@ -14,6 +15,7 @@ use std::collections::{BTreeMap, BinaryHeap, HashMap, VecDeque};
 use std::iter::Peekable;
 use std::sync::Arc;
 
+use self::cloth::Wardrobe;
 use self::contacts::LEAST_QUIET;
 use self::grains::Flow;
 use self::voice::{Follows, Place, Voice, faded};
@@ -22,10 +24,12 @@ use super::{
     Action, Cue, Header, Microphone, MicrophoneKey, ObjectHeader, ObjectLine, Order, Pattern, Radiation,
     Sound, Start, Statement, Verb,
 };
+use crate::corpus::cloth::ClothSound;
 use crate::corpus::dictionary::Dictionary;
 use crate::motion::contacts::LogEvents;
 use crate::motion::event::Event;
 use crate::motion::moving::MovingBodies;
+use crate::motion::moving_cloth::{self, buckle_energies};
 use crate::motion::rub::Rubbing;
 use crate::random::Random;
 use crate::scene::file::{Acoustics, Emitter, Material, Played, Scene, SceneSound, StartKey, Timing};
@@ -97,6 +101,8 @@ pub struct SoundFacts {
     pub controls: Vec<String>,
     /// Of grains: their corpus.
     pub grains: Option<Arc<Dictionary>>,
+    /// Of cloth: how it sounds.
+    pub cloth: Option<Arc<ClothSound>>,
 }
 
 /// What happens in a scene by itself, told by its contact logs and by how its objects move, in time order.
@@ -122,6 +128,8 @@ impl Events {
             let bodies: EventSource = Box::new(MovingBodies::open(scene, world, touching)?);
             sources.push(bodies.peekable());
         }
+        let cloth: EventSource = Box::new(moving_cloth::events(scene, world)?);
+        sources.push(cloth.peekable());
         Ok(Self { sources })
     }
 }
@@ -178,6 +186,8 @@ pub struct Composer<'a, E> {
     repertoires: HashMap<String, Arc<Repertoire>>,
     /// The scripts that say what grains play, by their names.
     shaders: HashMap<String, Shader>,
+    /// What its cloths sound like.
+    wardrobe: Wardrobe,
     /// Events that have been foreseen and are still to come.
     foreseen: VecDeque<Event>,
     /// By how much events are foreseen, in seconds: for what begins before them.
@@ -305,6 +315,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             streams: HashMap::new(),
             repertoires: HashMap::new(),
             shaders: HashMap::new(),
+            wardrobe: Wardrobe::default(),
             foreseen: VecDeque::new(),
             foresight_s: 0.0,
             ready: VecDeque::new(),
@@ -315,6 +326,15 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                 composer.repertoires.insert(name.clone(), Arc::new(Repertoire::new(dictionary.clone())));
                 composer.foresight_s = retarget::LONGEST_LEAD_S;
             }
+        }
+        if composer
+            .facts
+            .values()
+            .any(|facts| facts.cloth.as_ref().is_some_and(|cloth| !cloth.pops().is_empty()))
+        {
+            let energies = buckle_energies(scene, world)?;
+            composer.wardrobe = Wardrobe::new(&composer, &energies)?;
+            composer.foresight_s = composer.foresight_s.max(composer.wardrobe.longest_lead_s());
         }
         let grains = scene.materials.iter().filter_map(|material| material.grains.as_ref());
         for shader in grains.filter_map(|grains| grains.shader.as_ref()) {
@@ -420,11 +440,20 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                     // What an impact sounds like may begin before it; what slides and rolls is told as it does.
                     match event {
                         Event::Impact(impact) => self.strike(&impact)?,
+                        Event::Buckle(buckle) => self.crumple(&buckle)?,
                         event => self.foreseen.push_back(event),
                     }
                 }
-            } else if let Some((how, rub)) = self.foreseen.pop_front().as_ref().and_then(Event::rub) {
-                self.rub(rub, how)?;
+            } else {
+                match self.foreseen.pop_front() {
+                    Some(Event::Friction(friction)) => self.rustle(&friction)?,
+                    Some(event) => {
+                        if let Some((how, rub)) = event.rub() {
+                            self.rub(rub, how)?;
+                        }
+                    }
+                    None => {}
+                }
             }
         }
     }

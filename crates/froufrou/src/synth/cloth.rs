@@ -101,6 +101,10 @@ impl Instrument for Cloth {
         None
     }
 
+    fn cloth(&self) -> Option<Arc<ClothSound>> {
+        Some(self.sound.clone())
+    }
+
     fn clips(&self) -> usize {
         self.sound.pops().len()
     }

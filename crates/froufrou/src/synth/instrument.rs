@@ -8,6 +8,7 @@
 
 use std::sync::Arc;
 
+use crate::corpus::cloth::ClothSound;
 use crate::corpus::dictionary::Dictionary;
 use crate::random::Random;
 use crate::score::Grain;
@@ -103,6 +104,11 @@ pub trait Instrument: Send + Sync {
 
     /// The corpus whose grains it can be told to play; none for most.
     fn corpus(&self) -> Option<Arc<Dictionary>> {
+        None
+    }
+
+    /// The cloth that it sounds like; none for most.
+    fn cloth(&self) -> Option<Arc<ClothSound>> {
         None
     }
 

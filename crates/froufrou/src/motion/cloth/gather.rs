@@ -1,59 +1,60 @@
-//! What slides in one frame, gathered by what it slides along.
+//! What slides in one frame, gathered by what it slides along and by the patch of the cloth that it is in.
+
+use std::collections::BTreeMap;
 
 use super::super::event::{Cause, Friction, Moved};
+use super::patches::Patches;
 use super::sliding::Sliding;
 
-/// Sums for each object, in arrays that are used again.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Gather {
-    sums: Vec<Sum>,
-}
+/// Speeds that lie between the same two powers of this are gathered.
+const STEP: f64 = std::f64::consts::SQRT_2;
 
-#[derive(Debug, Clone, Copy, Default)]
+/// Speeds are gathered from this on, in metres a second: what is slower is so slow.
+const SLOWEST_MPS: f64 = 1e-3;
+
+#[derive(Debug, Clone, Default)]
 struct Sum {
     area_m2: f64,
     /// Weighted by area.
     speed: f64,
     /// Weighted by area and speed.
     position: [f64; 3],
+    /// By step of speed: the area, and the speed weighted by it.
+    steps: BTreeMap<i32, [f64; 2]>,
 }
 
-impl Gather {
-    /// An event for each object that something slides along.
-    pub fn events(&mut self, sliding: &Sliding, name: impl Fn(u32) -> String) -> Vec<Friction> {
-        self.sums.clear();
-        for index in 0..sliding.vertex.len() {
-            let (other, speed, area) =
-                (sliding.other[index] as usize, sliding.speed_mps[index], sliding.area_m2[index]);
-            // What begins to slide is there for its slope.
-            if speed <= 0.0 || area <= 0.0 {
-                continue;
-            }
-            if self.sums.len() <= other {
-                self.sums.resize(other + 1, Sum::default());
-            }
-            let sum = &mut self.sums[other];
-            sum.area_m2 += area;
-            sum.speed += area * speed;
-            for (sum, c) in sum.position.iter_mut().zip(sliding.position_m[index]) {
-                *sum += area * speed * f64::from(c);
-            }
+/// An event for each object that something slides along, and each patch that does.
+pub(super) fn events(sliding: &Sliding, patches: &Patches, name: impl Fn(u32) -> String) -> Vec<Friction> {
+    let mut sums: BTreeMap<(u32, u32), Sum> = BTreeMap::new();
+    for index in 0..sliding.vertex.len() {
+        let (speed, area) = (sliding.speed_mps[index], sliding.area_m2[index]);
+        // What begins to slide is there for its slope.
+        if speed <= 0.0 || area <= 0.0 {
+            continue;
         }
-        let event = |(other, sum): (usize, &Sum)| {
-            (sum.speed > 0.0).then(|| Friction {
-                time_s: sliding.time_s,
-                lasts_s: sliding.lasts_s,
-                cloth: name(sliding.cloth),
-                other: name(other as u32),
-                position_m: sum.position.map(|c| c / sum.speed),
-                area_m2: sum.area_m2,
-                speed_mps: sum.speed / sum.area_m2,
-                cause: Cause::Motion(Moved {
-                    from_s: sliding.time_s,
-                    to_s: sliding.time_s + sliding.lasts_s,
-                }),
-            })
-        };
-        self.sums.iter().enumerate().filter_map(event).collect()
+        let patch = patches.of(sliding.vertex[index]);
+        let sum = sums.entry((sliding.other[index], patch)).or_default();
+        sum.area_m2 += area;
+        sum.speed += area * speed;
+        for (sum, c) in sum.position.iter_mut().zip(sliding.position_m[index]) {
+            *sum += area * speed * f64::from(c);
+        }
+        let step = (speed.max(SLOWEST_MPS).ln() / STEP.ln()).floor() as i32;
+        let [step_area, step_speed] = sum.steps.entry(step).or_default();
+        *step_area += area;
+        *step_speed += area * speed;
     }
+    let event = |((other, patch), sum): ((u32, u32), Sum)| Friction {
+        time_s: sliding.time_s,
+        lasts_s: sliding.lasts_s,
+        cloth: name(sliding.cloth),
+        patch,
+        other: name(other),
+        position_m: sum.position.map(|c| c / sum.speed),
+        area_m2: sum.area_m2,
+        speed_mps: sum.speed / sum.area_m2,
+        speeds: sum.steps.values().map(|[area, speed]| [speed / area, *area]).collect(),
+        cause: Cause::Motion(Moved { from_s: sliding.time_s, to_s: sliding.time_s + sliding.lasts_s }),
+    };
+    sums.into_iter().map(event).collect()
 }

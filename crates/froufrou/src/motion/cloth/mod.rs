@@ -17,6 +17,7 @@ pub mod buckles;
 pub mod curvature;
 mod gather;
 mod geodesic;
+mod patches;
 pub mod proximity;
 #[cfg(test)]
 mod shapes;
@@ -27,11 +28,12 @@ pub mod triangulation;
 
 use std::collections::VecDeque;
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use self::buckles::{BuckleSettings, Buckled, Buckles};
 use self::curvature::Curvature;
-use self::gather::Gather;
+use self::patches::Patches;
 use self::proximity::{Proximity, Touchable};
 use self::sliding::{Slides, Sliding, SlidingSettings};
 use super::event::{Buckle, Cause, Event, Moved};
@@ -42,12 +44,21 @@ use crate::{Error, Place, Result};
 const TORN: f64 = 0.01;
 
 /// How a cloth is looked at.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClothSettings {
     /// What counts as a buckle.
     pub buckles: BuckleSettings,
     /// What counts as sliding.
     pub sliding: SlidingSettings,
+    /// In how many patches sliding is told.
+    pub patches: usize,
+}
+
+impl Default for ClothSettings {
+    /// The cloth is told as a whole.
+    fn default() -> Self {
+        Self { buckles: BuckleSettings::default(), sliding: SlidingSettings::default(), patches: 1 }
+    }
 }
 
 /// A mesh that takes part: a cloth, or what cloth may touch.
@@ -135,7 +146,7 @@ struct Cloth {
     buckles: Buckles,
     proximity: Proximity,
     slides: Slides,
-    gather: Gather,
+    patches: Patches,
 }
 
 impl Cloth {
@@ -150,7 +161,7 @@ impl Cloth {
             buckles: Buckles::new(settings.buckles),
             proximity,
             slides,
-            gather: Gather::default(),
+            patches: Patches::new(mesh.positions(), settings.patches),
         }
     }
 
@@ -342,13 +353,23 @@ impl Analyser {
     fn tell(&mut self, at: usize, buckled: Vec<Buckled>) {
         let cloth = &mut self.cloths[at];
         let name = |object: u32| self.participants[object as usize].name.clone();
+        let positions = self.objects.get(cloth.object as usize).map_or(&[][..], |object| object.positions());
+        let middles = if buckled.is_empty() { Vec::new() } else { cloth.patches.middles(positions) };
+        let nearest = |position_m: [f64; 3]| {
+            let away = |middle: &DVec3| middle.distance_squared(DVec3::from(position_m));
+            let nearest = middles.iter().enumerate().min_by(|a, b| away(a.1).total_cmp(&away(b.1)));
+            nearest.map_or((0, position_m), |(patch, middle)| (patch as u32, middle.to_array()))
+        };
         let buckles = buckled.into_iter().map(|buckled| {
             let Buckled { time_s, span_s, position_m, energy_mps, positive, vertices } = buckled;
+            let (patch, patch_m) = nearest(position_m);
             Event::Buckle(Buckle {
                 time_s,
                 lasts_s: span_s[1] - span_s[0],
                 cloth: name(cloth.object),
                 position_m,
+                patch,
+                patch_m,
                 energy_mps,
                 positive,
                 vertices,
@@ -360,7 +381,8 @@ impl Analyser {
         });
         self.events.extend(buckles);
         while let Some(sliding) = cloth.slides.next_sliding() {
-            self.events.extend(cloth.gather.events(&sliding, &name).into_iter().map(Event::Friction));
+            self.events
+                .extend(gather::events(&sliding, &cloth.patches, name).into_iter().map(Event::Friction));
             self.slidings.push_back(sliding);
         }
     }

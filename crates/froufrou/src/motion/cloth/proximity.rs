@@ -134,6 +134,9 @@ impl Proximity {
     ///
     /// `objects` are all that can be touched, and the cloth itself in its place.
     pub fn contacts(&mut self, objects: &[Touchable]) -> &[Option<Contact>] {
+        if self.radius_m <= 0.0 {
+            return &self.last;
+        }
         let positions = objects.get(self.own as usize).map_or(&[][..], |own| &own.positions);
         let (own, radius_m, surroundings) = (self.own, self.radius_m, &self.surroundings);
         let portions = self.vertices.par_chunks(PORTION).zip(self.last.par_chunks_mut(PORTION));

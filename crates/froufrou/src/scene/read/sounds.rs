@@ -9,7 +9,7 @@ use super::super::file::{
     Scene, SceneSound, SetKey, StartKey, Timing,
 };
 use super::super::toml::{Node, Table};
-use super::{Keys, one_or_many, unknown, with_place};
+use super::{Keys, cloth, one_or_many, unknown, with_place};
 use crate::Result;
 use crate::score::{Blow, Held, Make, Mode, Radiation, Repeat};
 use crate::space::dipole;
@@ -21,7 +21,7 @@ pub(super) const MODE: Keys = &["frequency", "decay", "gain", "points"];
 const DENSITY: f64 = 1000.0;
 
 pub(super) const MATERIAL: Keys =
-    &["impact", "slide", "roll", "grains", "air", "reflect", "occlude", "density"];
+    &["impact", "slide", "roll", "grains", "cloth", "air", "reflect", "occlude", "density"];
 pub(super) const GRAINS: Keys = &[
     "corpus",
     "shader",
@@ -239,11 +239,15 @@ fn required_recordings(node: &Node<'_, '_>, folder: &Folder) -> Result<Vec<Asset
 }
 
 fn gain_db(table: &Table<'_, '_>) -> Result<f64> {
-    // 200 dB is a factor of 10¹⁰, where every mistake is heard before the sound.
-    table.get("gain_db").map_or(Ok(0.0), |node| node.within("decibels", -200.0, 200.0))
+    gain_in(table, "gain_db")
 }
 
-fn reference_distance(table: &Table<'_, '_>) -> Result<f64> {
+pub(super) fn gain_in(table: &Table<'_, '_>, key: &str) -> Result<f64> {
+    // 200 dB is a factor of 10¹⁰, where every mistake is heard before the sound.
+    table.get(key).map_or(Ok(0.0), |node| node.within("decibels", -200.0, 200.0))
+}
+
+pub(super) fn reference_distance(table: &Table<'_, '_>) -> Result<f64> {
     table.get("reference_distance").map_or(Ok(1.0), |node| node.positive("a number of metres"))
 }
 
@@ -290,6 +294,7 @@ pub(super) fn material(
         slide: table.get("slide").map(|node| rub(&node.table(RUB)?, instruments, folder)).transpose()?,
         roll: table.get("roll").map(|node| rub(&node.table(RUB)?, instruments, folder)).transpose()?,
         grains: table.get("grains").map(|node| grains(&node, folder)).transpose()?,
+        cloth: table.get("cloth").map(|node| cloth::cloth(&node, folder)).transpose()?,
         air: table.get("air").map(|node| air_sound(&node.table(AIR)?, instruments)).transpose()?,
         acoustics: Acoustics {
             reflect: table.get("reflect").map(|node| reflect(&node)).transpose()?.flatten(),

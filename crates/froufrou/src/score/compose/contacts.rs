@@ -213,7 +213,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         let told: Vec<(String, f64)> =
             told.filter(|(name, _)| has(name)).map(|(name, value)| (name.to_owned(), tidy(value))).collect();
         let told = if told.is_empty() { Vec::new() } else { vec![(rub.time_s, Action::Set(told))] };
-        self.go_on(id, rub, gain, told);
+        self.go_on(id, (rub.time_s, rub.lasts_s), rub.position_m, gain, told);
         Ok(())
     }
 
@@ -236,17 +236,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         let (_, object) = self.carried(index, body, rub.position_m, time_s)?;
         let cause = format!("{body} {} along {other}, {}", verb(how), rub.cause);
         let start = Start { object, cause, ..Start::new(sound) };
-        let voice = Voice {
-            start: Some(start),
-            place: Place::Carrier(Carrier::still(rub.position_m)),
-            turns: false,
-            gain: Vec::new(),
-            end_s: time_s,
-            passed_s: time_s,
-            due_s: time_s,
-            cues: VecDeque::new(),
-            speed: None,
-        };
+        let voice = Voice::at(start, rub.position_m, time_s);
         let voices = &self.voices;
         self.rubbing.retain(|_, id| voices.contains_key(id));
         self.streams.retain(|id, _| voices.contains_key(id));
@@ -255,12 +245,19 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         Ok(id)
     }
 
-    /// Tells a thread of two bodies that rub along each other of a moment.
-    pub(super) fn go_on(&mut self, id: u64, rub: &Rub, gain: f64, told: Vec<(f64, Action)>) {
-        let time_s = rub.time_s;
-        let end_s = time_s + RUB_GAP_S + rub.lasts_s;
+    /// Tells a thread of things that rub along each other of a moment: when and where that is, and how long they go on
+    /// unless more is told.
+    pub(super) fn go_on(
+        &mut self,
+        id: u64,
+        (time_s, lasts_s): (f64, f64),
+        position_m: [f64; 3],
+        gain: f64,
+        told: Vec<(f64, Action)>,
+    ) {
+        let end_s = time_s + RUB_GAP_S + lasts_s;
         let Some(voice) = self.voices.get_mut(&id) else { return };
-        voice.place = Place::Carrier(Carrier::still(rub.position_m));
+        voice.place = Place::Carrier(Carrier::still(position_m));
         // It dies away where it is told nothing more.
         voice.gain = vec![(time_s, gain), (end_s, 0.0)];
         voice.end_s = end_s;

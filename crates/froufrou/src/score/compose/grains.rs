@@ -156,7 +156,7 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
             (flow.begin_s + time_s, Action::Grain(grain))
         });
         let told = told.collect();
-        self.go_on(id, rub, gain, told);
+        self.go_on(id, (rub.time_s, rub.lasts_s), rub.position_m, gain, told);
         Ok(())
     }
 }

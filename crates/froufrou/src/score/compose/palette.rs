@@ -18,6 +18,13 @@ pub(super) fn sounds(scene: &Scene) -> Vec<Sound> {
         let folder = sound.corpus.name.trim_end_matches('/');
         palette.add(folder.rsplit('/').next().unwrap_or_default(), grains(sound));
     }
+    for cloth in scene.materials.iter().filter_map(|material| material.cloth.as_ref()) {
+        let along = cloth.against.iter().map(|(_, corpus)| corpus);
+        for corpus in std::iter::once(&cloth.corpus).chain(along) {
+            let folder = corpus.trim_end_matches('/');
+            palette.add(folder.rsplit('/').next().unwrap_or_default(), self::cloth(corpus));
+        }
+    }
     palette.sounds
 }
 
@@ -62,6 +69,11 @@ pub(super) fn same(a: &Sound, b: &Sound) -> bool {
 /// The sound of a material's grains, without its name.
 pub(super) fn grains(sound: &GrainSound) -> Sound {
     Sound { name: String::new(), make: Make::Grains { corpus: sound.corpus.name.clone() }, with: Vec::new() }
+}
+
+/// The sound of a cloth, without its name.
+pub(super) fn cloth(corpus: &str) -> Sound {
+    Sound { name: String::new(), make: Make::Cloth { corpus: corpus.to_owned() }, with: Vec::new() }
 }
 
 #[derive(Default)]

@@ -43,6 +43,27 @@ pub(super) enum Follows {
 }
 
 impl Voice {
+    /// One that begins somewhere, without a gain, and is over at once until it is told otherwise.
+    pub fn at(start: Start, position_m: [f64; 3], time_s: f64) -> Self {
+        Self {
+            start: Some(start),
+            place: Place::Carrier(Carrier::still(position_m)),
+            turns: false,
+            gain: Vec::new(),
+            end_s: time_s,
+            passed_s: time_s,
+            due_s: time_s,
+            cues: VecDeque::new(),
+            speed: None,
+        }
+    }
+
+    /// Tells it something at a time, after all that it is told before and then.
+    pub fn tell(&mut self, time_s: f64, action: Action) {
+        let at = self.cues.partition_point(|(before_s, _)| *before_s <= time_s);
+        self.cues.insert(at, (time_s, action));
+    }
+
     /// Where it is and how loud, at a time.
     pub fn placement(&self, time_s: f64, gain: f64) -> Result<Placement> {
         Ok(match &self.place {

@@ -1,0 +1,107 @@
+//! A material of cloth.
+
+use super::super::asset::Folder;
+use super::super::toml::{Node, Table};
+use super::sounds::{gain_in, reference_distance};
+use super::{Keys, with_place};
+use crate::Result;
+use crate::corpus::cloth::{preset, synthetic};
+use crate::scene::file::Cloth;
+
+pub(super) const CLOTH: Keys = &[
+    "corpus",
+    "preset",
+    "against",
+    "radius",
+    "floor_speed",
+    "speed_scale",
+    "speed_exponent",
+    "least_energy",
+    "jitter",
+    "patches",
+    "gain_db",
+    "friction_db",
+    "pops_db",
+    "reference_distance",
+];
+
+/// The longest that a pop comes after its buckle, in seconds: two frames of the animations of An et al.
+const MOST_JITTER_S: f64 = 1.0 / 30.0;
+
+/// The most patches of a cloth.
+const MOST_PATCHES: u64 = 64;
+
+/// Where nothing is said: a vertex is as near to what it rubs on.
+const RADIUS_M: f64 = 0.02;
+
+/// Where nothing is said: weaker buckles are the trembling of a simulation.
+const LEAST_ENERGY_MPS: f64 = 0.1;
+
+/// Where nothing is said: what is slower rests.
+const FLOOR_MPS: f64 = 0.02;
+
+pub(super) fn cloth(node: &Node<'_, '_>, folder: &Folder) -> Result<Cloth> {
+    let what = "the folder of a corpus of cloth, or a model such as \"synthetic/cotton\"";
+    let table = if node.is_table() { Some(node.table(CLOTH)?) } else { None };
+    let named = match &table {
+        Some(table) => table.required("corpus", what)?,
+        None => node.clone(),
+    };
+    let get = |key: &str| table.as_ref().and_then(|table| table.get(key));
+    let within = |key: &str, default: f64, what: &str, from: f64, to: f64| {
+        get(key).map_or(Ok(default), |node| node.within(what, from, to))
+    };
+    let preset = get("preset").map(|node| preset(&node)).transpose()?;
+    let gain = |key: &str| table.as_ref().map_or(Ok(0.0), |table| gain_in(table, key));
+    let of_all_db = gain("gain_db")?;
+    Ok(Cloth {
+        corpus: corpus(&named, what, folder)?,
+        against: get("against").map_or(Ok(Vec::new()), |node| against(&node.named()?, what, folder))?,
+        radius_m: within("radius", preset.map_or(RADIUS_M, |p| p.contact_radius_m), "metres", 1e-4, 10.0)?,
+        floor_speed_mps: within(
+            "floor_speed",
+            preset.map_or(FLOOR_MPS, |p| p.silent_below_mps),
+            "metres a second",
+            0.0,
+            100.0,
+        )?,
+        speed_scale_mps: within("speed_scale", 1.0, "metres a second", 1e-6, 1e6)?,
+        speed_exponent: within("speed_exponent", 1.0, "a power", 0.05, 20.0)?,
+        least_energy_mps: within("least_energy", LEAST_ENERGY_MPS, "metres a second", 0.0, 1e9)?,
+        jitter_s: within("jitter", 0.0, "seconds", 0.0, MOST_JITTER_S)?,
+        patches: get("patches").map_or(Ok(16), |node| node.whole("a number of patches", 1, MOST_PATCHES))?
+            as usize,
+        friction_db: of_all_db + gain("friction_db")?,
+        pops_db: of_all_db + gain("pops_db")?,
+        reference_distance_m: table.as_ref().map_or(Ok(1.0), reference_distance)?,
+    })
+}
+
+/// The name of a corpus, which must be there, or that of a model.
+fn corpus(node: &Node<'_, '_>, what: &str, folder: &Folder) -> Result<String> {
+    let name = node.text(what)?;
+    if name.starts_with(synthetic::PREFIX) {
+        let names: Vec<String> = synthetic::Cloth::names().collect();
+        if names.contains(&name) {
+            return Ok(name);
+        }
+        return Err(node.error(format!("there is no model {name:?}: there are {}", names.join(", "))));
+    }
+    Ok(with_place(node, folder.folder(&name))?.name)
+}
+
+/// The corpora along other materials.
+fn against(table: &Table<'_, '_>, what: &str, folder: &Folder) -> Result<Vec<(String, String)>> {
+    let entries = table.entries().into_iter();
+    entries.map(|(name, node)| Ok((name.to_owned(), corpus(&node, what, folder)?))).collect()
+}
+
+fn preset(node: &Node<'_, '_>) -> Result<&'static preset::AnimationPreset> {
+    let name = node.text("a cloth and an animation of An et al., such as \"cotton/sheet\"")?;
+    let known = || preset::ANIMATIONS.iter().map(|preset| format!("{}/{}", preset.cloth, preset.animation));
+    let found = preset::ANIMATIONS.iter().zip(known()).find(|(_, known)| *known == name);
+    found.map(|(preset, _)| preset).ok_or_else(|| {
+        let known: Vec<String> = known().collect();
+        node.error(format!("there is no preset {name:?}: there are {}", known.join(", ")))
+    })
+}

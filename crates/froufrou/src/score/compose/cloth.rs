@@ -1,0 +1,197 @@
+//! Cloth: what sounds while it rubs, and when it buckles (An, James & Marschner 2012).
+//!
+//! Each patch of a cloth has a thread for each object that it rubs along, which is told how much of it slides how fast;
+//! each buckle plays a pop in a thread of its patch, whose energy is as rare among the pops as that of the buckle is among those of the cloth.
+
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::voice::{Place, Voice};
+use super::{Composer, Due, What, from_db, palette, tidy};
+use crate::corpus::cloth::ClothSound;
+use crate::corpus::cloth::playback::Playback;
+use crate::motion::event::{Buckle, Event, Friction};
+use crate::random::Random;
+use crate::scene::file::Cloth;
+use crate::scene::world::Carrier;
+use crate::score::{Action, Grain, Start};
+use crate::synth::friction::voice::settings;
+use crate::synth::friction::{FrictionTable, PARTS, SpeedHistogram};
+use crate::{Error, Result};
+
+/// Keeps the times of pops apart from other random numbers of the same seed.
+const POPS: u64 = 0x70b5_0000_0000_0000;
+
+/// What cloths sound like, and what is known of them.
+#[derive(Default)]
+pub(super) struct Wardrobe {
+    /// By the name of the sound.
+    sounds: BTreeMap<String, Worn>,
+    /// How pops are chosen, by the name of the cloth.
+    playbacks: BTreeMap<String, Playback>,
+    /// The threads of patches that rub, by the cloth, the patch and what it rubs along.
+    rubbing: BTreeMap<(String, u32, String), u64>,
+    /// The threads of patches that pop, by the cloth and the patch.
+    popping: BTreeMap<(String, u32), u64>,
+    /// How many pops a cloth has played.
+    counts: BTreeMap<String, u64>,
+}
+
+/// The sound of a cloth.
+struct Worn {
+    sound: Arc<ClothSound>,
+    friction: Option<(Arc<FrictionTable>, f64)>,
+}
+
+impl Wardrobe {
+    /// From what is known of the sounds of a score, and the energies of the buckles of each cloth.
+    ///
+    /// # Errors
+    /// Energies that are none.
+    pub fn new<E: Iterator<Item = Result<Event>>>(
+        composer: &Composer<'_, E>,
+        energies: &BTreeMap<String, Vec<f64>>,
+    ) -> Result<Self> {
+        let scene = composer.scene;
+        let mut wardrobe = Self::default();
+        for (name, facts) in &composer.facts {
+            let Some(sound) = &facts.cloth else { continue };
+            let friction = sound
+                .friction()
+                .map(|friction| (Arc::new(FrictionTable::new(&friction.spectra)), friction.area_m2));
+            wardrobe.sounds.insert(name.clone(), Worn { sound: sound.clone(), friction });
+        }
+        for (number, (cloth, energies)) in energies.iter().enumerate() {
+            let Some(material) = composer.cloth_of(cloth) else { continue };
+            let Some(worn) = wardrobe.sounds.get(&composer.sound_of(&material.corpus)?) else { continue };
+            let pops: Vec<f64> = worn.sound.pops().iter().map(|pop| pop.energy).collect();
+            if pops.is_empty() || energies.is_empty() {
+                continue;
+            }
+            let random = Random::new(scene.seed ^ POPS, number as u64);
+            let playback = Playback::new(&pops, energies, material.jitter_s, random)
+                .map_err(|fault| fault.in_file(&scene.file))?;
+            wardrobe.playbacks.insert(cloth.clone(), playback);
+        }
+        Ok(wardrobe)
+    }
+
+    /// How long before its buckle the longest pop begins, in seconds.
+    pub fn longest_lead_s(&self) -> f64 {
+        let pops = self.sounds.values().flat_map(|worn| worn.sound.pops());
+        pops.map(|pop| pop.lead_s).fold(0.0, f64::max)
+    }
+}
+
+impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
+    /// The cloth that something in the world is of.
+    fn cloth_of(&self, name: &str) -> Option<&'s Cloth> {
+        let index = self.index_of(name)?;
+        let material = self.scene.materials.get(self.scene.objects[index].material?)?;
+        material.cloth.as_ref()
+    }
+
+    /// The object that something in the world belongs to.
+    fn index_of(&self, name: &str) -> Option<usize> {
+        self.world.objects.iter().position(|bodies| bodies.iter().any(|body| body.name == name))
+    }
+
+    /// A patch of a cloth rubs for a moment.
+    pub(super) fn rustle(&mut self, friction: &Friction) -> Result<()> {
+        if friction.time_s < 0.0 {
+            return Ok(());
+        }
+        let Some(cloth) = self.cloth_of(&friction.cloth) else { return Ok(()) };
+        let material = self.index_of(&friction.other).and_then(|index| self.scene.objects[index].material);
+        let along = material.and_then(|material| Some(&self.scene.materials.get(material)?.name));
+        let corpus = cloth.against.iter().find(|(name, _)| Some(name) == along);
+        let name = self.sound_of(corpus.map_or(&cloth.corpus, |(_, corpus)| corpus))?;
+        let Some((table, area_m2)) = self.wardrobe.sounds.get(&name).and_then(|worn| worn.friction.clone())
+        else {
+            return Ok(());
+        };
+        let mut histogram = SpeedHistogram::new(&table);
+        for [speed_mps, slides_m2] in &friction.speeds {
+            histogram.add(&table, *speed_mps, slides_m2 / area_m2);
+        }
+        let mut told = settings(&histogram.parts(&table, PARTS));
+        told.iter_mut().for_each(|(_, value)| *value = tidy(*value));
+        let time_s = friction.time_s;
+        let gain = from_db(cloth.friction_db) * cloth.reference_distance_m;
+        let pair = (friction.cloth.clone(), friction.patch, friction.other.clone());
+        let known = self.wardrobe.rubbing.get(&pair).copied().filter(|id| self.voices.contains_key(id));
+        let id = match known {
+            Some(id) => id,
+            None => {
+                let cause = format!("{} rubs along {}, {}", friction.cloth, friction.other, friction.cause);
+                let start = Start { object: friction.cloth.clone(), cause, ..Start::new(name) };
+                let voices = &self.voices;
+                self.wardrobe.rubbing.retain(|_, id| voices.contains_key(id));
+                let id = self.begin(time_s, Voice::at(start, friction.position_m, time_s));
+                self.wardrobe.rubbing.insert(pair, id);
+                id
+            }
+        };
+        let moment = (time_s, friction.lasts_s);
+        self.go_on(id, moment, friction.position_m, gain, vec![(time_s, Action::Set(told))]);
+        Ok(())
+    }
+
+    /// A part of a cloth buckles.
+    pub(super) fn crumple(&mut self, buckle: &Buckle) -> Result<()> {
+        if buckle.time_s < 0.0 {
+            return Ok(());
+        }
+        let Some(cloth) = self.cloth_of(&buckle.cloth) else { return Ok(()) };
+        let Some(playback) = self.wardrobe.playbacks.get(&buckle.cloth) else { return Ok(()) };
+        let count = self.wardrobe.counts.entry(buckle.cloth.clone()).or_default();
+        let chosen = playback.choose(*count, buckle.time_s, buckle.energy_mps);
+        *count += 1;
+        let name = self.sound_of(&cloth.corpus)?;
+        let Some(worn) = self.wardrobe.sounds.get(&name) else { return Ok(()) };
+        let Some(pop) = worn.sound.pops().get(chosen.pop) else { return Ok(()) };
+        let begin_s = (chosen.time_s - pop.lead_s).max(0.0);
+        let end_s = begin_s + pop.length_s;
+        let now_s = (buckle.time_s - self.foresight_s).max(0.0);
+        let key = (buckle.cloth.clone(), buckle.patch);
+        let known = self.wardrobe.popping.get(&key).copied().filter(|id| self.voices.contains_key(id));
+        let id = match known {
+            Some(id) => id,
+            None => {
+                let cause = format!(
+                    "{} buckles, {:.4} m/s over {} vertices, {}",
+                    buckle.cloth, buckle.energy_mps, buckle.vertices, buckle.cause
+                );
+                let start = Start { object: buckle.cloth.clone(), cause, ..Start::new(name) };
+                let voices = &self.voices;
+                self.wardrobe.popping.retain(|_, id| voices.contains_key(id));
+                let id = self.begin(now_s, Voice::at(start, buckle.patch_m, now_s));
+                self.wardrobe.popping.insert(key, id);
+                id
+            }
+        };
+        let gain = from_db(cloth.pops_db);
+        let grain = Grain { number: chosen.pop as u32, gain, speed: 1.0, spread: 0.0 };
+        if let Some(voice) = self.voices.get_mut(&id) {
+            voice.gain = vec![(now_s, cloth.reference_distance_m)];
+            voice.end_s = voice.end_s.max(end_s);
+            voice.place = Place::Carrier(Carrier::still(buckle.patch_m));
+            voice.tell(begin_s, Action::Grain(grain));
+            if voice.start.is_none() && voice.passed_s < now_s {
+                voice.due_s = now_s;
+                self.due.push(Reverse(Due { time_s: now_s, what: What::Line, id }));
+            }
+        }
+        self.due.push(Reverse(Due { time_s: begin_s, what: What::Cue, id }));
+        Ok(())
+    }
+
+    /// The name of the sound of a corpus of cloth.
+    fn sound_of(&self, corpus: &str) -> Result<String> {
+        self.name_of_sound(&palette::cloth(corpus)).ok_or_else(|| {
+            Error::new("the cloth of a material is not among the sounds of its score")
+                .in_file(&self.scene.file)
+        })
+    }
+}
