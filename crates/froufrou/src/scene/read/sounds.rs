@@ -11,11 +11,12 @@ use super::super::file::{
 use super::super::toml::{Node, Table};
 use super::{Keys, one_or_many, unknown, with_place};
 use crate::Result;
+use crate::corpus::cloth::synthetic::Cloth;
 use crate::score::{Blow, Held, Make, Mode, Radiation, Repeat};
 use crate::space::dipole;
 use crate::space::directivity::Directivity;
 
-pub(super) const INSTRUMENT: Keys = &["kind", "table", "modes", "script", "with"];
+pub(super) const INSTRUMENT: Keys = &["kind", "table", "modes", "script", "corpus", "with"];
 pub(super) const MODE: Keys = &["frequency", "decay", "gain", "points"];
 /// Of what nobody says what it weighs, in kilograms a cubic metre: water.
 const DENSITY: f64 = 1000.0;
@@ -116,8 +117,18 @@ pub(super) const START: Keys = &["t", "gain_db", "speed"];
 pub(super) const STRIKE: Keys = &["t", "impulse", "place", "contact"];
 
 /// What makes an instrument.
-pub(super) const KINDS: Keys =
-    &["string", "bar", "free-bar", "clamped-bar", "modes", "needle", "stick-slip", "turbulence", "procedure"];
+pub(super) const KINDS: Keys = &[
+    "string",
+    "bar",
+    "free-bar",
+    "clamped-bar",
+    "modes",
+    "needle",
+    "stick-slip",
+    "turbulence",
+    "procedure",
+    "cloth",
+];
 
 /// The most files or patterns in one list of recordings.
 const MOST_RECORDINGS: usize = 10_000;
@@ -137,7 +148,7 @@ fn instrument(name: &str, node: &Node<'_, '_>, folder: &Folder) -> Result<Instru
     }
     let table = node.table(INSTRUMENT)?;
     let kind = KINDS[table.required("kind", "what makes the sound")?.choice(KINDS)?];
-    for (key, of) in [("table", "modes"), ("modes", "modes"), ("script", "procedure")] {
+    for (key, of) in [("table", "modes"), ("modes", "modes"), ("script", "procedure"), ("corpus", "cloth")] {
         if let Some(node) = table.get(key).filter(|_| kind != of) {
             return Err(node.error(format!("is for the kind {of:?}, and this is a {kind:?}")));
         }
@@ -154,6 +165,16 @@ fn instrument(name: &str, node: &Node<'_, '_>, folder: &Folder) -> Result<Instru
         "needle" => Make::Needle,
         "stick-slip" => Make::StickSlip,
         "turbulence" => Make::Turbulence,
+        "cloth" => {
+            let what = "the folder of a corpus of cloth, or a model such as \"synthetic/cotton\"";
+            let node = table.required("corpus", what)?;
+            let name = node.text(what)?;
+            let corpus = match Cloth::named(&name) {
+                Some(model) => with_place(&node, model.map(|_| name.clone()))?,
+                None => with_place(&node, folder.folder(&name))?.name,
+            };
+            Make::Cloth { corpus }
+        }
         "modes" => {
             let modes = Make::Modes { table: file("table")?, modes: modes(&table)? };
             if matches!(&modes, Make::Modes { table: None, modes } if modes.is_empty()) {
