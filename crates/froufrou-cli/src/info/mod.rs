@@ -2,6 +2,7 @@
 
 mod alembic;
 mod animation;
+mod cloth;
 mod contact_log;
 pub mod corpus;
 mod events;
@@ -17,6 +18,7 @@ mod usd;
 use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
 
+use froufrou::corpus::cloth::manifest::Manifest;
 use froufrou::{Error, Result};
 use serde::Serialize;
 
@@ -25,7 +27,7 @@ use crate::file_kind::FileKind;
 
 /// What is read.
 const READABLE: &str = "scenes (.toml), animations (.abc, .usd, .usda, .usdc, .usdz, .gltf, .glb, .pc2, .mdd, \
-                        .obj), audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), heads (.sofa), corpora of grains (folders), scores, events (.jsonl), contact logs and pose logs (.csv, .csv.gz)";
+                        .obj), audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), heads (.sofa), corpora of grains and of cloth (folders), scores, events (.jsonl), contact logs and pose logs (.csv, .csv.gz)";
 
 /// Tells what is in a file: a scene, an animation, audio, a head, a corpus, a score, events or a contact log.
 #[derive(Debug, clap::Args)]
@@ -85,6 +87,9 @@ impl Info {
     pub fn run(self) -> Result<()> {
         let file = self.file.as_path();
         if let Some(folder) = corpus::folder(file) {
+            if Manifest::is_cloth(&folder) {
+                return self.tell(&cloth::read(&folder)?);
+            }
             return self.tell(&corpus::read(&folder)?);
         }
         match FileKind::of(file, READABLE)? {

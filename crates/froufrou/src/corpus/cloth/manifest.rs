@@ -168,6 +168,15 @@ impl PopsSection {
 }
 
 impl Manifest {
+    /// Whether the `corpus.toml` of a folder is that of a cloth: it has sections of friction or pops.
+    pub fn is_cloth(corpus: &Path) -> bool {
+        let path = corpus.join(FILE_NAME);
+        let is_small = std::fs::metadata(&path).is_ok_and(|metadata| metadata.len() <= MOST_BYTES);
+        let text = if is_small { std::fs::read_to_string(path).unwrap_or_default() } else { String::new() };
+        let table: toml::Table = text.parse().unwrap_or_default();
+        table.contains_key("friction") || table.contains_key("pops")
+    }
+
     /// Reads the file of a corpus.
     ///
     /// # Errors

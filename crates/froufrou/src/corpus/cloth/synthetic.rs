@@ -12,6 +12,8 @@
 
 use std::f64::consts::TAU;
 
+use rayon::prelude::*;
+
 use super::pops::centre_s;
 use super::spectra::{FrictionSpectra, SPACING_HZ, Spectrum};
 use super::{ClothSound, Friction, PopEntry, PopSource};
@@ -24,8 +26,12 @@ pub const PREFIX: &str = "synthetic/";
 /// The highest frequency of a model's friction.
 const TOP_HZ: f64 = 40_000.0;
 
-/// The speeds for which spectra are made, in m/s.
-const SPEEDS_MPS: [f64; 9] = [0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4];
+/// The slowest speed for which a spectrum is made, in m/s.
+const SLOWEST_MPS: f64 = 0.025;
+
+/// How many speeds there are to an octave, and in all: up to 6.4 m/s. Fewer would blur the humps between them.
+const AN_OCTAVE: usize = 4;
+const SPEEDS: usize = 8 * AN_OCTAVE + 1;
 
 /// The speed at which levels are said.
 const REFERENCE_MPS: f64 = 0.2;
@@ -292,8 +298,12 @@ impl Cloth {
 
     /// What it sounds like.
     pub fn sound(self) -> ClothSound {
-        let spectrum = |&speed_mps: &f64| Spectrum { speed_mps, density: self.yarns.density(speed_mps) };
-        let spectra = FrictionSpectra::new(SPACING_HZ, SPEEDS_MPS.iter().map(spectrum).collect());
+        let spectrum = |number: usize| {
+            let speed_mps = SLOWEST_MPS * 2.0f64.powf(number as f64 / AN_OCTAVE as f64);
+            Spectrum { speed_mps, density: self.yarns.density(speed_mps) }
+        };
+        let spectra: Vec<Spectrum> = (0..SPEEDS).into_par_iter().map(spectrum).collect();
+        let spectra = FrictionSpectra::new(SPACING_HZ, spectra);
         let from = format!("{PREFIX}{}", self.name);
         // What is told of a pop does not depend on a rate but for rounding.
         let rate_hz = 96_000.0;

@@ -41,10 +41,9 @@ const LEAST_ENERGY_MPS: f64 = 0.1;
 const FLOOR_MPS: f64 = 0.02;
 
 pub(super) fn cloth(node: &Node<'_, '_>, folder: &Folder) -> Result<Cloth> {
-    let what = "the folder of a corpus of cloth, or a model such as \"synthetic/cotton\"";
     let table = if node.is_table() { Some(node.table(CLOTH)?) } else { None };
     let named = match &table {
-        Some(table) => table.required("corpus", what)?,
+        Some(table) => table.required("corpus", CORPUS)?,
         None => node.clone(),
     };
     let get = |key: &str| table.as_ref().and_then(|table| table.get(key));
@@ -55,8 +54,8 @@ pub(super) fn cloth(node: &Node<'_, '_>, folder: &Folder) -> Result<Cloth> {
     let gain = |key: &str| table.as_ref().map_or(Ok(0.0), |table| gain_in(table, key));
     let of_all_db = gain("gain_db")?;
     Ok(Cloth {
-        corpus: corpus(&named, what, folder)?,
-        against: get("against").map_or(Ok(Vec::new()), |node| against(&node.named()?, what, folder))?,
+        corpus: corpus(&named, folder)?,
+        against: get("against").map_or(Ok(Vec::new()), |node| against(&node.named()?, folder))?,
         radius_m: within("radius", preset.map_or(RADIUS_M, |p| p.contact_radius_m), "metres", 1e-4, 10.0)?,
         floor_speed_mps: within(
             "floor_speed",
@@ -77,23 +76,22 @@ pub(super) fn cloth(node: &Node<'_, '_>, folder: &Folder) -> Result<Cloth> {
     })
 }
 
+/// What is expected where a corpus is named.
+pub(super) const CORPUS: &str = "the folder of a corpus of cloth, or a model such as \"synthetic/cotton\"";
+
 /// The name of a corpus, which must be there, or that of a model.
-fn corpus(node: &Node<'_, '_>, what: &str, folder: &Folder) -> Result<String> {
-    let name = node.text(what)?;
-    if name.starts_with(synthetic::PREFIX) {
-        let names: Vec<String> = synthetic::Cloth::names().collect();
-        if names.contains(&name) {
-            return Ok(name);
-        }
-        return Err(node.error(format!("there is no model {name:?}: there are {}", names.join(", "))));
+pub(super) fn corpus(node: &Node<'_, '_>, folder: &Folder) -> Result<String> {
+    let name = node.text(CORPUS)?;
+    match synthetic::Cloth::named(&name) {
+        Some(model) => with_place(node, model.map(|_| name.clone())),
+        None => Ok(with_place(node, folder.folder(&name))?.name),
     }
-    Ok(with_place(node, folder.folder(&name))?.name)
 }
 
 /// The corpora along other materials.
-fn against(table: &Table<'_, '_>, what: &str, folder: &Folder) -> Result<Vec<(String, String)>> {
+fn against(table: &Table<'_, '_>, folder: &Folder) -> Result<Vec<(String, String)>> {
     let entries = table.entries().into_iter();
-    entries.map(|(name, node)| Ok((name.to_owned(), corpus(&node, what, folder)?))).collect()
+    entries.map(|(name, node)| Ok((name.to_owned(), corpus(&node, folder)?))).collect()
 }
 
 fn preset(node: &Node<'_, '_>) -> Result<&'static preset::AnimationPreset> {

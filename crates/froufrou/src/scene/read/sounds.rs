@@ -15,7 +15,7 @@ use crate::score::{Blow, Held, Make, Mode, Radiation, Repeat};
 use crate::space::dipole;
 use crate::space::directivity::Directivity;
 
-pub(super) const INSTRUMENT: Keys = &["kind", "table", "modes", "script", "with"];
+pub(super) const INSTRUMENT: Keys = &["kind", "table", "modes", "script", "corpus", "with"];
 pub(super) const MODE: Keys = &["frequency", "decay", "gain", "points"];
 /// Of what nobody says what it weighs, in kilograms a cubic metre: water.
 const DENSITY: f64 = 1000.0;
@@ -127,6 +127,7 @@ pub(super) const KINDS: Keys = &[
     "turbulence",
     "membrane",
     "procedure",
+    "cloth",
 ];
 
 /// The most files or patterns in one list of recordings.
@@ -147,7 +148,7 @@ fn instrument(name: &str, node: &Node<'_, '_>, folder: &Folder) -> Result<Instru
     }
     let table = node.table(INSTRUMENT)?;
     let kind = KINDS[table.required("kind", "what makes the sound")?.choice(KINDS)?];
-    for (key, of) in [("table", "modes"), ("modes", "modes"), ("script", "procedure")] {
+    for (key, of) in [("table", "modes"), ("modes", "modes"), ("script", "procedure"), ("corpus", "cloth")] {
         if let Some(node) = table.get(key).filter(|_| kind != of) {
             return Err(node.error(format!("is for the kind {of:?}, and this is a {kind:?}")));
         }
@@ -165,6 +166,10 @@ fn instrument(name: &str, node: &Node<'_, '_>, folder: &Folder) -> Result<Instru
         "stick-slip" => Make::StickSlip,
         "turbulence" => Make::Turbulence,
         "membrane" => Make::Membrane,
+        "cloth" => {
+            let node = table.required("corpus", cloth::CORPUS)?;
+            Make::Cloth { corpus: cloth::corpus(&node, folder)? }
+        }
         "modes" => {
             let modes = Make::Modes { table: file("table")?, modes: modes(&table)? };
             if matches!(&modes, Make::Modes { table: None, modes } if modes.is_empty()) {
