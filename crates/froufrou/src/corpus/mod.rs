@@ -7,3 +7,4 @@ pub mod looping;
 pub mod recording;
 pub mod resynthesis;
 pub mod spectral;
+pub mod units;
