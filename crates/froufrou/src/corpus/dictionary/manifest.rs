@@ -209,7 +209,7 @@ impl Manifest {
 }
 
 /// Where in a text a byte is.
-pub(super) fn line(text: &str, offset: usize) -> Place {
+pub(crate) fn line(text: &str, offset: usize) -> Place {
     let before = text.get(..offset.min(text.len())).unwrap_or(text);
     let start = before.rfind('\n').map_or(0, |i| i + 1);
     Place::Line {
