@@ -24,8 +24,8 @@ mod folder;
 mod index;
 pub mod manifest;
 mod matching;
-mod packed;
-mod prepare;
+pub(crate) mod packed;
+pub(crate) mod prepare;
 mod resampled;
 mod sinusoids;
 #[cfg(test)]

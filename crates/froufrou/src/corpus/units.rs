@@ -21,6 +21,7 @@
 pub mod concatenation;
 pub mod correspondences;
 pub mod features;
+pub mod folder;
 pub mod high_pass;
 pub mod optimal;
 pub mod selection;

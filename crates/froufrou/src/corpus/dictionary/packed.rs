@@ -14,7 +14,7 @@ const MOST_RATIO: u64 = 64;
 
 /// Numbers on their way into a file.
 #[derive(Debug, Default)]
-pub(super) struct Writer {
+pub(crate) struct Writer {
     pub bytes: Vec<u8>,
 }
 
@@ -35,7 +35,7 @@ impl Writer {
 
 /// Numbers as they come from a file.
 #[derive(Debug)]
-pub(super) struct Reader<'a> {
+pub(crate) struct Reader<'a> {
     bytes: &'a [u8],
     at: usize,
 }
@@ -110,7 +110,7 @@ impl<'a> Reader<'a> {
 }
 
 /// Sixteen bytes that no other content has, as text.
-pub(super) fn hash(pieces: &[&[u8]]) -> String {
+pub(crate) fn hash(pieces: &[&[u8]]) -> String {
     let mut digest = Md5::new();
     for piece in pieces {
         digest.update((piece.len() as u64).to_le_bytes());
@@ -120,7 +120,7 @@ pub(super) fn hash(pieces: &[&[u8]]) -> String {
 }
 
 /// Content under a first line that says what it is, with a checksum; packed or as it is.
-pub(super) fn seal(kind: &str, content: &[u8], pack: bool) -> Result<Vec<u8>> {
+pub(crate) fn seal(kind: &str, content: &[u8], pack: bool) -> Result<Vec<u8>> {
     let packed;
     let body = if pack {
         let mut encoder = DeflateEncoder::new(Vec::new(), Compression::best());
@@ -134,7 +134,7 @@ pub(super) fn seal(kind: &str, content: &[u8], pack: bool) -> Result<Vec<u8>> {
 }
 
 /// What was sealed.
-pub(super) fn open(kind: &str, bytes: &[u8], packed: bool) -> Result<Vec<u8>> {
+pub(crate) fn open(kind: &str, bytes: &[u8], packed: bool) -> Result<Vec<u8>> {
     let rest = bytes.strip_prefix(kind.as_bytes()).and_then(|rest| rest.strip_prefix(b"\n"));
     let Some((sum, body)) = rest.and_then(|rest| rest.split_at_checked(16)) else {
         return Err(Error::new(format!("expected a file that begins with `{kind}`")).at(Place::Byte(0)));

@@ -11,14 +11,14 @@ use crate::error::{Error, Result};
 use crate::synth::sinc;
 
 /// The rate of most; of rates that are as frequent, the highest.
-pub(super) fn commonest(rates: impl IntoIterator<Item = u32>) -> Option<u32> {
+pub(crate) fn commonest(rates: impl IntoIterator<Item = u32>) -> Option<u32> {
     let mut counts: BTreeMap<u32, usize> = BTreeMap::new();
     rates.into_iter().for_each(|rate| *counts.entry(rate).or_default() += 1);
     counts.into_iter().max_by_key(|&(rate, count)| (count, rate)).map(|(rate, _)| rate)
 }
 
 /// The sound at another rate; sample 0 stays where it is.
-pub(super) fn at_rate(samples: Vec<f32>, from_hz: u32, to_hz: u32) -> Result<Vec<f32>> {
+pub(crate) fn at_rate(samples: Vec<f32>, from_hz: u32, to_hz: u32) -> Result<Vec<f32>> {
     check_sound(&samples, from_hz)?;
     check_sound(&samples, to_hz)?;
     if from_hz == to_hz {

@@ -174,9 +174,14 @@ impl SelectionSettings {
 }
 
 /// All of the table.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
+    /// Recordings, and folders of them, from the corpus's folder.
+    pub recordings: Vec<String>,
+    /// Samples a second; the rate of most recordings where it is left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate_hz: Option<u32>,
     /// Widths of the Gaussians that smooth each coefficient over time, in units; none for no smoothing.
     pub widths: Vec<f64>,
     /// How stiff the warp is, λ; 0 for one that goes through all correspondences.
@@ -185,6 +190,19 @@ pub struct Settings {
     pub features: FeatureSettings,
     /// How units are chosen.
     pub selection: SelectionSettings,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            recordings: vec![".".to_owned()],
+            rate_hz: None,
+            widths: Vec::new(),
+            lambda: 0.0,
+            features: FeatureSettings::default(),
+            selection: SelectionSettings::default(),
+        }
+    }
 }
 
 impl Settings {
@@ -197,8 +215,8 @@ impl Settings {
         let make = |lambda: f64, look_ahead: usize, widths: [f64; 3]| Self {
             widths: widths.to_vec(),
             lambda,
-            features: FeatureSettings::default(),
             selection: SelectionSettings { look_ahead, ..SelectionSettings::default() },
+            ..Self::default()
         };
         Some(match name {
             "cotton" => make(1e2, 5, [20.0, 50.0, 10.0]),
@@ -237,6 +255,12 @@ impl Settings {
         }
         if !(self.lambda >= 0.0 && self.lambda.is_finite()) {
             return Err(fault("lambda", format!("is {}, expected 0 or more", self.lambda)));
+        }
+        if let Some(rate_hz) = self.rate_hz.filter(|rate| !super::super::spectral::RATES_HZ.contains(rate)) {
+            return Err(fault("rate_hz", format!("is {rate_hz}, expected 1000 to 768000 Hz")));
+        }
+        if self.recordings.is_empty() {
+            return Err(fault("recordings", "names no recordings and no folders".to_owned()));
         }
         self.features.check()?;
         self.selection.check()
