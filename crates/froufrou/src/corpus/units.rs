@@ -26,6 +26,7 @@ pub mod high_pass;
 pub mod optimal;
 pub mod selection;
 pub mod smoothing;
+pub mod suggestion;
 pub mod warp;
 
 mod settings;

@@ -1,8 +1,8 @@
 //! A tree of all units of the recordings.
 //!
 //! A unit's window, the features of it and of the L units after it, is summed up by its *outline*: the unit's own
-//! features, and the means of a few segments of the rest. For a segment of h units Σ ‖a_k‖ ≥ h ‖mean a_k‖, so distances
-//! of outlines are never more than those of windows; and as features are smooth, not much less. The tree halves units by
+//! features, and the means of segments of the rest: of single units, but where a window has very many numbers. For a
+//! segment of h units Σ ‖a_k‖ ≥ h ‖mean a_k‖, so distances of outlines are never more than those of windows. The tree halves units by
 //! the number of the outline that spreads widest. Each of its nodes has a box around its outlines, and each leaf has the
 //! outlines of up to [`LANES`] units side by side.
 
@@ -162,6 +162,22 @@ impl Index {
         self.leaf_starts.len() - 1
     }
 
+    /// Where all units of a node have the same window: where they begin and end in the order of leaves, in which they come
+    /// as they are numbered. So it is with silence, of which there may be much.
+    pub(super) fn alike(&self, node: usize) -> Option<std::ops::Range<usize>> {
+        let numbers = self.outline_numbers();
+        let (lowest, highest) = self.boxes[node * 2 * numbers..][..2 * numbers].split_at(numbers);
+        if lowest != highest || self.segments.iter().any(|(_, length)| *length > 1) {
+            return None;
+        }
+        let (mut first, mut last) = (node, node);
+        while first < self.leaves() - 1 {
+            (first, last) = (2 * first + 1, 2 * last + 2);
+        }
+        let leaf = |node: usize| node + 1 - self.leaves();
+        Some(self.leaf_starts[leaf(first)] as usize..self.leaf_starts[leaf(last) + 1] as usize)
+    }
+
     fn grow(&mut self) {
         let (units, numbers) = (self.units(), self.outline_numbers());
         let levels = units.div_ceil(LANES).next_power_of_two().trailing_zeros();
@@ -173,6 +189,12 @@ impl Index {
         halve(&mut order, &outlines, &weights, levels);
         let mut leaf_starts = vec![0u32];
         leaf_lengths(units, levels, &mut leaf_starts);
+        let mut rest = order.as_mut_slice();
+        for pair in leaf_starts.windows(2) {
+            let (leaf, after) = rest.split_at_mut((pair[1] - pair[0]) as usize);
+            leaf.sort_unstable();
+            rest = after;
+        }
         self.outlines = vec![0.0; leaves * numbers * LANES];
         self.boxes = vec![0.0; (2 * leaves - 1) * 2 * numbers];
         let (_, leaf_boxes) = self.boxes.split_at_mut((leaves - 1) * 2 * numbers);

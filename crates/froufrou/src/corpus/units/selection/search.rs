@@ -95,6 +95,14 @@ impl<'a> Search<'a> {
                 continue;
             }
             let node = node as usize;
+            if let Some(range) = index.alike(node) {
+                for row in &index.order[range] {
+                    if !self.weigh(&query, *row) {
+                        break;
+                    }
+                }
+                continue;
+            }
             if node >= inner {
                 self.leaf(&query, node - inner);
                 continue;
@@ -181,8 +189,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Compares the whole window of a row.
-    fn weigh(&mut self, query: &Query, row: u32) {
+    /// Compares the whole window of a row; false where it is too far, and so are later rows that are alike.
+    fn weigh(&mut self, query: &Query, row: u32) -> bool {
         let d = self.index.dimensions;
         let rows = &self.index.rows[row as usize * d..][..query.window.len()];
         let is_full = self.nearest.len() >= query.count;
@@ -191,25 +199,29 @@ impl<'a> Search<'a> {
         for (k, (row, wanted)) in rows.chunks_exact(d).zip(query.window.chunks_exact(d)).enumerate() {
             let distance = distance(row, wanted);
             if k == 0 && distance > query.d_max {
-                return;
+                return false;
             }
             sum += distance;
             if farthest.is_some_and(|(farthest, _)| sum > farthest) {
-                return;
+                return false;
             }
         }
-        if farthest.is_some_and(|farthest| (sum, row) >= farthest) || self.barred.contains(&row) {
-            return;
+        if farthest.is_some_and(|farthest| (sum, row) > farthest) {
+            return false;
+        }
+        if self.barred.contains(&row) {
+            return true;
         }
         let at = self.nearest.partition_point(|nearer| *nearer < (sum, row));
         // What was hinted at comes along again.
         if self.nearest.get(at) == Some(&(sum, row)) {
-            return;
+            return true;
         }
         if is_full {
             self.nearest.pop();
         }
         self.nearest.insert(at, (sum, row));
+        true
     }
 }
 

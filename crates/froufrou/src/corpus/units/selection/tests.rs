@@ -169,3 +169,18 @@ fn what_does_not_fit_is_an_error() {
     let mut greedy = Greedy::new(&index, &settings).unwrap();
     assert!(greedy.push(&[0.0; 2]).is_err() && greedy.push(&[0.0, f64::NAN, 0.0]).is_err());
 }
+
+/// Of much silence, the first units are taken, and as quickly as others.
+#[test]
+fn silence_is_taken_in_order() {
+    let sound = wandering(9, 300, 3, 10.0, 0.0);
+    let silence = vec![-40.0f32; 3 * 5000];
+    let values = [sound.values(), &silence, sound.values(), &silence].concat();
+    let source = Features::new(3, values);
+    let streams = [5300, 5300];
+    let index = Index::new(&source, &streams, 4).unwrap();
+    let target: Vec<Vec<f64>> = (0..70).map(|i| vec![if i < 50 { -40.0 } else { -39.5 }; 3]).collect();
+    let settings = SelectionSettings { look_ahead: 4, cool_off: 9, ..SelectionSettings::default() };
+    let ours = greedy(&index, &target.concat(), &settings).unwrap();
+    assert_eq!(ours, brute_force(&source, &streams, &target, &settings));
+}
