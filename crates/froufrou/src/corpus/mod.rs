@@ -8,3 +8,4 @@ pub mod looping;
 pub mod recording;
 pub mod resynthesis;
 pub mod spectral;
+pub mod units;

@@ -16,7 +16,7 @@ mod log_table;
 pub mod obj;
 pub mod point_cache;
 pub mod pose_log;
-mod positioned_file;
+pub(crate) mod positioned_file;
 mod read;
 mod sample_cache;
 pub(crate) mod toml;

@@ -17,7 +17,7 @@
 
 mod cache;
 mod labels;
-mod scan;
+pub(crate) mod scan;
 mod share;
 
 use std::collections::BTreeSet;
@@ -132,6 +132,7 @@ pub fn build(
         settings,
         weight: Weight::default(),
         recording: labelled,
+        units: before.as_ref().and_then(|b| b.units.clone()),
     };
     if let Some(before) = before.filter(|before| is_up_to_date(corpus, before, &wanted)) {
         return Ok(Built { manifest: before, cut: 0, matched: 0, removed });

@@ -125,6 +125,9 @@ pub struct Manifest {
     /// The recordings, in order.
     #[serde(default)]
     pub recording: Vec<Listed>,
+    /// How the same recordings become units, which `corpus::units` reads.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub units: Option<toml::Value>,
 }
 
 impl Manifest {

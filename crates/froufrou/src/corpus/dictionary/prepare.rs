@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::synth::sinc;
 
 /// The rate of most; of rates that are as frequent, the highest.
-pub(super) fn commonest(rates: impl IntoIterator<Item = u32>) -> Option<u32> {
+pub(crate) fn commonest(rates: impl IntoIterator<Item = u32>) -> Option<u32> {
     let mut counts: BTreeMap<u32, usize> = BTreeMap::new();
     rates.into_iter().for_each(|rate| *counts.entry(rate).or_default() += 1);
     counts.into_iter().max_by_key(|&(rate, count)| (count, rate)).map(|(rate, _)| rate)

@@ -29,6 +29,20 @@ pub(super) fn scan(
     corpus: &Path,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Vec<Found>> {
+    let names = names(recordings, corpus)?;
+    let total = names.len() as u64;
+    let mut found = Vec::with_capacity(names.len());
+    for (number, name) in names.into_iter().enumerate() {
+        progress(Progress { stage: Stage::Reading, name: &name, done: number as u64, total });
+        let path = recordings.join(&name);
+        let bytes = std::fs::read(&path).map_err(|e| Error::io("read", &path, e))?;
+        found.push(Found { name, path, hash: packed::hash(&[&bytes]) });
+    }
+    Ok(found)
+}
+
+/// Their paths from the folder, with slashes.
+pub(crate) fn names(recordings: &Path, corpus: &Path) -> Result<Vec<String>> {
     let metadata = std::fs::metadata(recordings).map_err(|e| Error::io("open", recordings, e))?;
     if !metadata.is_dir() {
         return Err(Error::new("expected a folder of recordings, found a file").in_file(recordings));
@@ -41,15 +55,7 @@ pub(super) fn scan(
             .in_file(recordings)
             .help(format!("read are files that end in .{}", ENDINGS.join(", ."))));
     }
-    let total = names.len() as u64;
-    let mut found = Vec::with_capacity(names.len());
-    for (number, name) in names.into_iter().enumerate() {
-        progress(Progress { stage: Stage::Reading, name: &name, done: number as u64, total });
-        let path = recordings.join(&name);
-        let bytes = std::fs::read(&path).map_err(|e| Error::io("read", &path, e))?;
-        found.push(Found { name, path, hash: packed::hash(&[&bytes]) });
-    }
-    Ok(found)
+    Ok(names)
 }
 
 fn walk(folder: &Path, below: &mut String, corpus: Option<&Path>, names: &mut Vec<String>) -> Result<()> {
@@ -89,7 +95,7 @@ fn walk(folder: &Path, below: &mut String, corpus: Option<&Path>, names: &mut Ve
 }
 
 /// A folder as it is called from a corpus, which need not be there yet.
-pub(super) fn relative(folder: &Path, corpus: &Path) -> Result<String> {
+pub(crate) fn relative(folder: &Path, corpus: &Path) -> Result<String> {
     let absolute = |path: &Path| {
         let path = std::path::absolute(path).map_err(|e| Error::io("find", path, e))?;
         // What is there is called by its own name, however it was reached.

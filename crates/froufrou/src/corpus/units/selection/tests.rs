@@ -1,0 +1,186 @@
+use proptest::prelude::*;
+
+use super::*;
+use crate::corpus::units::features::Features;
+use crate::corpus::units::smoothing::smooth;
+use crate::random::Random;
+
+/// D1, as it stands in the paper.
+fn d1(source: &Features, j: usize, wanted: &[f64]) -> f64 {
+    let mut sum = 0.0;
+    for (f, w) in source.row(j).iter().zip(wanted) {
+        sum += (f64::from(*f) - w) * (f64::from(*f) - w);
+    }
+    sum.sqrt()
+}
+
+/// Algorithm 1, every unit with every other.
+pub fn brute_force(
+    source: &Features,
+    streams: &[usize],
+    target: &[Vec<f64>],
+    settings: &SelectionSettings,
+) -> Vec<Chosen> {
+    let mut ends = Vec::new();
+    for length in streams {
+        let end = ends.len() + length;
+        ends.extend(std::iter::repeat_n(end, *length));
+    }
+    let mut chosen: Vec<Chosen> = Vec::new();
+    for i in 0..target.len() {
+        let from = chosen.len().saturating_sub(settings.cool_off);
+        let free: Vec<usize> =
+            (0..source.len()).filter(|j| chosen[from..].iter().all(|c| c.unit != *j)).collect();
+        let mut best = Chosen { unit: 0, distance: f64::INFINITY, is_within: true };
+        for &j in &free {
+            if d1(source, j, &target[i]) <= settings.d_max {
+                let mut d2 = 0.0;
+                for k in 0..=settings.look_ahead {
+                    if i + k < target.len() {
+                        d2 += d1(source, (j + k).min(ends[j] - 1), &target[i + k]);
+                    }
+                }
+                if d2 < best.distance {
+                    best = Chosen { unit: j, distance: d2, is_within: true };
+                }
+            }
+        }
+        if best.distance == f64::INFINITY {
+            for &j in &free {
+                let d1 = d1(source, j, &target[i]);
+                if d1 < best.distance {
+                    best = Chosen { unit: j, distance: d1, is_within: false };
+                }
+            }
+        }
+        chosen.push(best);
+    }
+    chosen
+}
+
+/// Noise under a Gaussian, in steps that make some units equal.
+pub fn wandering(seed: u64, units: usize, dimensions: usize, width: f64, step: f64) -> Features {
+    let random = Random::new(seed, 0);
+    let count = (units * dimensions) as u64;
+    let noise = Features::new(dimensions, (0..count).map(|i| 4.0 * random.normal(i) as f32).collect());
+    let smooth = smooth(&noise, &vec![width; dimensions]);
+    let stepped = |v: &f32| if step > 0.0 { (f64::from(*v) / step).round() * step } else { f64::from(*v) };
+    Features::new(dimensions, smooth.values().iter().map(|v| stepped(v) as f32).collect())
+}
+
+fn rows(features: &Features) -> Vec<Vec<f64>> {
+    features.rows().map(|row| row.iter().map(|v| f64::from(*v)).collect()).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(96))]
+
+    #[test]
+    fn equals_brute_force_unit_for_unit(
+        seed in 0u64..1_000_000,
+        streams in proptest::collection::vec(0usize..120, 1..5),
+        target in 1usize..60,
+        dimensions in 1usize..8,
+        look_ahead in 0usize..12,
+        cool_off in 0usize..8,
+        width in 0.0f64..30.0,
+        step in prop_oneof![Just(0.0), Just(0.5)],
+        d_max in prop_oneof![Just(0.0), 0.0f64..6.0, Just(f64::INFINITY)],
+        offset in prop_oneof![Just(0.0), Just(3.0), Just(1e4)],
+    ) {
+        let units: usize = streams.iter().sum();
+        prop_assume!(units > cool_off);
+        let source = wandering(seed, units, dimensions, width, step);
+        let mut target = rows(&wandering(seed + 1, target, dimensions, width, step));
+        target.iter_mut().for_each(|row| row[0] += offset);
+        let settings = SelectionSettings { look_ahead, d_max, cool_off, ..SelectionSettings::default() };
+        let index = Index::new(&source, &streams, look_ahead).unwrap();
+        let ours = greedy(&index, &target.concat(), &settings).unwrap();
+        prop_assert_eq!(ours, brute_force(&source, &streams, &target, &settings));
+    }
+
+    #[test]
+    fn several_nearest_are_those_of_a_sorted_list(
+        seed in 0u64..1_000_000,
+        count in 1usize..50,
+        d_max in 0.5f64..8.0,
+    ) {
+        let source = wandering(seed, 300, 3, 9.0, 0.25);
+        let index = Index::new(&source, &[100, 200], 4).unwrap();
+        let window = rows(&wandering(seed + 7, 5, 3, 9.0, 0.25)).concat();
+        let mut all: Vec<Found> = (0..300)
+            .filter(|&j| j != 7 && d1(&source, j, &window[..3]) <= d_max)
+            .map(|j| {
+                let end = if j < 100 { 99 } else { 299 };
+                let d2 = (0..5).map(|k| d1(&source, (j + k).min(end), &window[3 * k..3 * k + 3])).sum();
+                Found { unit: j, distance: d2 }
+            })
+            .collect();
+        all.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(a.unit.cmp(&b.unit)));
+        all.truncate(count);
+        let mut search = index.search();
+        prop_assert_eq!(search.nearest(&window, d_max, count, &[7], Some(12)), &all[..]);
+    }
+}
+
+/// A target that is the recording is the recording.
+#[test]
+fn a_recording_is_made_of_itself() {
+    let source = wandering(5, 5000, 3, 20.0, 0.0);
+    let index = Index::new(&source, &[5000], 5).unwrap();
+    let chosen = greedy(&index, &rows(&source).concat(), &SelectionSettings::default()).unwrap();
+    assert!(chosen.iter().enumerate().all(|(i, c)| c.unit == i && c.distance == 0.0 && c.is_within));
+}
+
+#[test]
+fn no_unit_comes_again_too_soon() {
+    let source = wandering(6, 400, 2, 5.0, 0.0);
+    let index = Index::new(&source, &[400], 3).unwrap();
+    let still = vec![0.1; 2 * 500];
+    let settings = SelectionSettings { look_ahead: 3, ..SelectionSettings::default() };
+    let chosen = greedy(&index, &still, &settings).unwrap();
+    for (i, c) in chosen.iter().enumerate() {
+        assert!(chosen[i + 1..].iter().take(settings.cool_off).all(|later| later.unit != c.unit));
+    }
+}
+
+#[test]
+fn units_and_rows_are_told_apart_at_the_ends_of_streams() {
+    let source = wandering(7, 60, 1, 0.0, 0.0);
+    let index = Index::new(&source, &[10, 0, 1, 49], 4).unwrap();
+    for unit in 0..60 {
+        assert_eq!(index.unit_of(index.row_of(unit)), unit);
+        assert_eq!(index.window(unit)[0], source.row(unit)[0]);
+    }
+    assert_eq!(index.window(8)[1..], [source.row(9)[0]; 4]);
+    assert!(index.follows(0, 1) && !index.follows(9, 10) && !index.follows(10, 11) && !index.follows(5, 7));
+}
+
+#[test]
+fn what_does_not_fit_is_an_error() {
+    let source = wandering(8, 30, 3, 0.0, 0.0);
+    assert!(Index::new(&source, &[29], 5).is_err());
+    assert!(Index::new(&Features::new(3, Vec::new()), &[], 5).is_err());
+    assert!(Index::new(&Features::new(1, vec![f32::NAN]), &[1], 5).is_err());
+    let index = Index::new(&source, &[30], 5).unwrap();
+    let settings = SelectionSettings::default();
+    assert!(Greedy::new(&index, &SelectionSettings { look_ahead: 4, ..settings.clone() }).is_err());
+    assert!(Greedy::new(&index, &SelectionSettings { cool_off: 30, ..settings.clone() }).is_err());
+    let mut greedy = Greedy::new(&index, &settings).unwrap();
+    assert!(greedy.push(&[0.0; 2]).is_err() && greedy.push(&[0.0, f64::NAN, 0.0]).is_err());
+}
+
+/// Of much silence, the first units are taken, and as quickly as others.
+#[test]
+fn silence_is_taken_in_order() {
+    let sound = wandering(9, 300, 3, 10.0, 0.0);
+    let silence = vec![-40.0f32; 3 * 5000];
+    let values = [sound.values(), &silence, sound.values(), &silence].concat();
+    let source = Features::new(3, values);
+    let streams = [5300, 5300];
+    let index = Index::new(&source, &streams, 4).unwrap();
+    let target: Vec<Vec<f64>> = (0..70).map(|i| vec![if i < 50 { -40.0 } else { -39.5 }; 3]).collect();
+    let settings = SelectionSettings { look_ahead: 4, cool_off: 9, ..SelectionSettings::default() };
+    let ours = greedy(&index, &target.concat(), &settings).unwrap();
+    assert_eq!(ours, brute_force(&source, &streams, &target, &settings));
+}
