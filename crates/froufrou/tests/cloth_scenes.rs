@@ -1,0 +1,166 @@
+//! Scenes with cloth, all the way from meshes to samples.
+
+mod studio;
+
+use froufrou::corpus::cloth::{ClothSound, spectra};
+use froufrou::score::{ObjectLine, Statement, Verb};
+use studio::{Studio, Take};
+
+const RATE_HZ: u32 = 48_000;
+const FRAMES: usize = 120;
+const FPS: f64 = 60.0;
+const CELLS: usize = 16;
+
+/// A sheet of a square metre, whose vertices are somewhere at a time: a point cache and its faces.
+fn sheet(studio: &Studio, name: &str, place: impl Fn(f64, [f64; 2]) -> [f64; 3]) {
+    let side = CELLS + 1;
+    let corner = |i: usize| [(i % side) as f64 / CELLS as f64 - 0.5, (i / side) as f64 / CELLS as f64 - 0.5];
+    let mut bytes = b"POINTCACHE2\0".to_vec();
+    bytes.extend(1i32.to_le_bytes());
+    bytes.extend((side as i32 * side as i32).to_le_bytes());
+    bytes.extend(0f32.to_le_bytes());
+    bytes.extend(1f32.to_le_bytes());
+    bytes.extend((FRAMES as i32).to_le_bytes());
+    for frame in 0..FRAMES {
+        for i in 0..side * side {
+            let position = place(frame as f64 / FPS, corner(i));
+            position.iter().for_each(|c| bytes.extend((*c as f32).to_le_bytes()));
+        }
+    }
+    std::fs::write(studio.path(&format!("{name}.pc2")), bytes).unwrap();
+    let mut obj = String::new();
+    for i in 0..side * side {
+        let [x, z] = corner(i);
+        obj += &format!("v {x} 0 {z}\n");
+    }
+    for row in 0..CELLS {
+        for column in 0..CELLS {
+            let first = row * side + column + 1;
+            obj += &format!("f {first} {} {} {}\n", first + side, first + side + 1, first + 1);
+        }
+    }
+    studio.file(&format!("{name}.obj"), &obj);
+}
+
+/// A scene of a sheet above a floor, heard from high above.
+fn scene(studio: &Studio, cloth: &str) -> String {
+    studio.file("floor.obj", "v -4 0 -4\nv -4 0 4\nv 4 0 4\nv 4 0 -4\nf 1 2 3 4\n");
+    format!(
+        "seed = 2\nduration = 2.2\nspeed_of_sound = 343\n[[microphone]]\nname = 'm'\nposition = [0, 20, 0]\n\
+         [material.linen]\ncloth = {cloth}\n\
+         [[object]]\nname = 'sheet'\nsource = 'sheet.pc2#/*'\nframe_rate = 60\nmaterial = 'linen'\n\
+         [[object]]\nname = 'floor'\nsource = 'floor.obj#/*'\nmaterial = 'stone'\n[material.stone]\n"
+    )
+}
+
+const SPEED_MPS: f64 = 0.5;
+
+/// It is dragged for a second, and then it rests.
+fn dragged(time_s: f64, [x, z]: [f64; 2]) -> [f64; 3] {
+    [x - 0.25 + SPEED_MPS * time_s.min(1.0), 0.01, z]
+}
+
+fn power(sound: &[f64], from_s: f64, to_s: f64) -> f64 {
+    let at = |time_s: f64| (time_s * f64::from(RATE_HZ)) as usize;
+    let piece = &sound[at(from_s)..at(to_s)];
+    piece.iter().map(|v| v * v).sum::<f64>() / piece.len() as f64
+}
+
+#[test]
+fn a_dragged_sheet_is_as_loud_as_its_area_and_speed_say() {
+    let studio = Studio::new();
+    sheet(&studio, "sheet", dragged);
+    for model in ["cotton", "windbreaker"] {
+        let scene = scene(&studio, &format!("{{ corpus = 'synthetic/{model}', floor_speed = 0.1 }}"));
+        let sound = studio.scene(&scene, Take::at(RATE_HZ)).unwrap().channel(0);
+        let cloth = ClothSound::named(&format!("synthetic/{model}"), &studio.path("")).unwrap();
+        let friction = cloth.friction().unwrap();
+        let density = friction.spectra.at(SPEED_MPS);
+        // One square metre at 20 m; the densities are amplitudes in a hertz.
+        let wanted = spectra::power(&density, friction.spectra.spacing_hz()) / friction.area_m2 / 400.0;
+        let off_db = 10.0 * (power(&sound, 0.2, 0.95) / wanted).log10();
+        println!("{model}: {off_db:.2} dB off");
+        assert!(off_db.abs() < 0.7, "{model}: {off_db} dB");
+        // The last frame that slides, the way to the microphone, a frame of noise, and the gap.
+        assert_eq!(power(&sound, 1.25, 2.2), 0.0, "{model}: what rests is silent");
+    }
+}
+
+#[test]
+fn other_materials_may_sound_different_along_it() {
+    let studio = Studio::new();
+    sheet(&studio, "sheet", dragged);
+    let render = |cloth: &str| studio.scene(&scene(&studio, cloth), Take::at(RATE_HZ)).unwrap().channel(0);
+    let along = render("{ corpus = 'synthetic/cotton', against = { stone = 'synthetic/corduroy' } }");
+    assert!(along == render("'synthetic/corduroy'"));
+    assert!(along != render("{ corpus = 'synthetic/cotton', against = { wood = 'synthetic/corduroy' } }"));
+}
+
+/// A dome that snaps through at 1.2 s.
+fn snaps(time_s: f64, [x, z]: [f64; 2]) -> [f64; 3] {
+    let height = ((1.2 - time_s) / 0.05).clamp(-1.0, 1.0) * 0.1;
+    [x, 1.0 + height * (1.0 - 2.0 * (x * x + z * z)), z]
+}
+
+#[test]
+fn a_dome_that_snaps_through_pops_then() {
+    let studio = Studio::new();
+    sheet(&studio, "sheet", snaps);
+    let scene = scene(&studio, "'synthetic/cotton'");
+    let production = studio.production(&scene).unwrap();
+    let events: Vec<_> = production.events().unwrap().map(|event| event.unwrap()).collect();
+    assert!(!events.is_empty() && events.iter().all(|event| (event.time_s() - 1.2).abs() < 0.02), "{events:?}");
+    let sound = studio.scene(&scene, Take::at(RATE_HZ)).unwrap().channel(0);
+    let way_s = 19.0 / 343.0;
+    assert_eq!(power(&sound, 0.0, 1.1 + way_s), 0.0);
+    assert!(power(&sound, 1.17 + way_s, 1.27 + way_s) > 0.0);
+    assert_eq!(power(&sound, 1.6 + way_s, 2.2), 0.0);
+}
+
+/// Dragged and waving.
+fn waving(time_s: f64, [x, z]: [f64; 2]) -> [f64; 3] {
+    let [x, y, z] = dragged(time_s, [x, z]);
+    [x, y + 0.03 * (1.0 + (9.0 * x + 14.0 * time_s).sin()), z]
+}
+
+#[test]
+fn ranges_threads_and_the_score_in_between_change_nothing() {
+    let studio = Studio::new();
+    sheet(&studio, "sheet", waving);
+    let scene = scene(&studio, "{ corpus = 'synthetic/cotton', patches = 5, jitter = 0.02, least_energy = 0 }");
+    let whole = studio.scene(&scene, Take::at(RATE_HZ)).unwrap();
+    assert!(whole.mix.iter().any(|v| *v != 0.0));
+    let part = Take { from_s: 0.613, to_s: Some(1.3), cores: 1, ..Take::at(RATE_HZ) };
+    let part = studio.scene(&scene, part).unwrap();
+    let first = (0.613 * f64::from(RATE_HZ)).round() as usize;
+    assert!(part.mix[..] == whole.mix[first..first + part.mix.len()]);
+    let production = studio.production(&scene).unwrap();
+    let mut threads = 0;
+    let mut writer = froufrou::score::ObjectWriter::new(Vec::new(), &production.header).unwrap();
+    for line in production.object_lines().unwrap() {
+        let line = line.unwrap();
+        threads +=
+            usize::from(matches!(line, ObjectLine::Thread(Statement { verb: Verb::Start(_), .. })));
+        writer.write(&line).unwrap();
+    }
+    // Pops have threads of patches.
+    assert!(threads < 100, "{threads}");
+    let text = String::from_utf8(writer.finish().unwrap()).unwrap();
+    let again = studio.score(&text, Take::at(RATE_HZ)).unwrap();
+    assert!(again.mix == whole.mix);
+}
+
+#[test]
+fn cloth_without_a_mesh_and_models_that_are_none_are_told() {
+    let studio = Studio::new();
+    sheet(&studio, "sheet", dragged);
+    let fault = |scene: &str| studio.scene(scene, Take::at(RATE_HZ)).map(|_| ()).unwrap_err().to_string();
+    let told = fault(&scene(&studio, "'synthetic/steel'"));
+    assert!(told.contains("scene.toml:8") && told.contains("synthetic/cotton"), "{told}");
+    let told = fault(&scene(&studio, "{ corpus = 'synthetic/cotton', preset = 'cotton/rug' }"));
+    assert!(told.contains("cotton/sheet"), "{told}");
+    let flat = scene(&studio, "'synthetic/cotton'")
+        .replace("source = 'sheet.pc2#/*'\nframe_rate = 60", "position = [0, 0, 0]");
+    let told = fault(&flat);
+    assert!(told.contains("sheet: it is of cloth and has no mesh"), "{told}");
+}
