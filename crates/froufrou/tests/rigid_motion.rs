@@ -59,7 +59,7 @@ fn of<'a>(events: &'a [Event], a: &str, b: &str) -> Vec<&'a Event> {
         let (one, other) = match event {
             Event::Impact(impact) => (&impact.a, &impact.b),
             Event::Slide(rub) | Event::Roll(rub) => (&rub.a, &rub.b),
-            Event::Buckle(_) | Event::Friction(_) => return false,
+            _ => return false,
         };
         one == a && other == b
     };

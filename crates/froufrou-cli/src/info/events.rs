@@ -81,6 +81,10 @@ pub fn read(file: &Path) -> Result<EventFindings> {
                 Range::widen(&mut found.buckles_mps, buckle.energy_mps);
                 pairs.entry((buckle.cloth.clone(), buckle.cloth)).or_default().0 += 1;
             }
+            Event::Flap(flap) => {
+                *found.kinds.entry("moment of beating the air").or_default() += 1;
+                pairs.entry((flap.cloth.clone(), flap.cloth)).or_default().0 += 1;
+            }
             Event::Friction(friction) => {
                 *found.kinds.entry("moment of friction").or_default() += 1;
                 Range::widen(&mut found.friction_mps, friction.speed_mps);

@@ -135,7 +135,13 @@ fn read(file: &Path, mut each: impl FnMut(Mark)) -> Result<()> {
                 impulse_ns: rub.force_n * rub.lasts_s,
                 rubs: true,
             },
-            // What cloth does has no impulse.
+            Event::Flap(flap) => Mark {
+                time_s: flap.time_s,
+                pair: (flap.cloth.clone(), flap.cloth),
+                impulse_ns: flap.impulse_ns.unwrap_or_default(),
+                rubs: flap.impulse_ns.is_none(),
+            },
+            // What else cloth does has no impulse.
             Event::Buckle(buckle) => Mark {
                 time_s: buckle.time_s,
                 pair: (buckle.cloth.clone(), buckle.cloth),

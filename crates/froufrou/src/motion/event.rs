@@ -26,6 +26,8 @@ pub enum Event {
     Buckle(Buckle),
     /// A cloth slides along something, or along itself, for a moment.
     Friction(Friction),
+    /// A patch of a cloth is taut and beats the air for a moment.
+    Flap(Flap),
 }
 
 /// A part of a cloth buckles: its mean curvature changes sign.
@@ -77,6 +79,31 @@ pub struct Friction {
     pub speed_mps: f64,
     /// How much slides how fast: speeds in metres a second, each with its area in square metres, from slow to fast.
     pub speeds: Vec<[f64; 2]>,
+    /// What it was told by.
+    pub cause: Cause,
+}
+
+/// A patch of a cloth is taut and beats the air for a moment. What goes on for longer is one such event after the other.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Flap {
+    /// The beginning of the moment, in seconds: a frame.
+    pub time_s: f64,
+    /// How long it is until the next frame, in seconds.
+    pub lasts_s: f64,
+    /// The cloth.
+    pub cloth: String,
+    /// The patch of it, from 0.
+    pub patch: u32,
+    /// The middle of that, in metres.
+    pub position_m: [f64; 3],
+    /// How taut it is, in newtons a metre.
+    pub tension_n_per_m: f64,
+    /// How fast it moves across its surface, the root mean square over its area, in metres a second.
+    pub speed_mps: f64,
+    /// How hard it snaps, in newton seconds, where it does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub impulse_ns: Option<f64>,
     /// What it was told by.
     pub cause: Cause,
 }
@@ -228,6 +255,7 @@ impl Event {
             Event::Slide(rub) | Event::Roll(rub) => rub.time_s,
             Event::Buckle(buckle) => buckle.time_s,
             Event::Friction(friction) => friction.time_s,
+            Event::Flap(flap) => flap.time_s,
         }
     }
 }
@@ -249,6 +277,19 @@ pub fn write(to: &mut impl Write, event: &Event) -> std::io::Result<()> {
             let numbers = [rub.time_s, rub.lasts_s, rub.speed_mps, rub.force_n].into_iter();
             let places = rub.position_m.into_iter().chain(rub.on_m.into_iter().flatten().flatten());
             numbers.chain(places).chain(rub.cause.numbers()).collect()
+        }
+        Event::Flap(Flap {
+            time_s,
+            lasts_s,
+            position_m,
+            tension_n_per_m,
+            speed_mps,
+            impulse_ns,
+            cause,
+            ..
+        }) => {
+            let numbers = [*time_s, *lasts_s, *tension_n_per_m, *speed_mps].into_iter();
+            numbers.chain(*impulse_ns).chain(*position_m).chain(cause.numbers()).collect()
         }
         Event::Buckle(Buckle { time_s, lasts_s, position_m, patch_m, energy_mps, cause, .. }) => {
             let numbers = [*time_s, *lasts_s, *energy_mps].into_iter();

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::cloth::buckles::BuckleSettings;
 use super::cloth::sliding::{Sliding, SlidingSettings};
+use super::cloth::tension::TensionSettings;
 use super::cloth::{Analyser, ClothSettings, Participant, Restart};
 use super::event::Event;
 use crate::scene::Scene;
@@ -133,6 +134,11 @@ fn settings(cloth: &Cloth) -> ClothSettings {
             exponent: cloth.speed_exponent,
             ..SlidingSettings::default()
         },
+        tension: cloth.membrane.map(|sheet| TensionSettings {
+            stiffness_n_per_m: sheet.stiffness_n_per_m,
+            density_kg_per_m2: sheet.density_kg_per_m2,
+            snap_mps: sheet.snap_mps,
+        }),
         patches: cloth.patches,
     }
 }
@@ -190,6 +196,7 @@ pub fn buckle_energies(scene: &Scene, world: &World) -> Result<BTreeMap<String, 
     let buckles_alone = |cloth: &Cloth| ClothSettings {
         // Nothing touches.
         sliding: SlidingSettings { radius_m: 0.0, surroundings_m: Some(0.0), ..SlidingSettings::default() },
+        tension: None,
         patches: 1,
         ..settings(cloth)
     };

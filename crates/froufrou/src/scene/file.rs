@@ -314,14 +314,35 @@ pub struct Cloth {
     pub least_energy_mps: f64,
     /// Pops come later than their buckles by up to this, at random, in seconds.
     pub jitter_s: f64,
-    /// In how many patches its friction is heard from its surface.
+    /// In how many patches it is heard from its surface.
     pub patches: usize,
+    /// How it sounds as it is stretched and beats the air, if it does.
+    pub membrane: Option<Sheet>,
     /// Gain of friction in decibels.
     pub friction_db: f64,
     /// Gain of pops in decibels.
     pub pops_db: f64,
     /// The distance at which it is heard at its own gain, in metres.
     pub reference_distance_m: f64,
+}
+
+/// Cloth as a membrane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sheet {
+    /// Newtons a metre of width that double its length, if it were to hold.
+    pub stiffness_n_per_m: f64,
+    /// Kilograms a square metre.
+    pub density_kg_per_m2: f64,
+    /// The part of the critical damping.
+    pub damping: f64,
+    /// The edge of the pieces that ring by themselves, in metres.
+    pub size_m: f64,
+    /// A patch snaps where its velocity changes by more than this from one frame to the next, in metres a second.
+    pub snap_mps: f64,
+    /// How long a snap lasts, in seconds.
+    pub contact_s: f64,
+    /// Gain in decibels; at 0 a sample of 1 is a pascal.
+    pub gain_db: f64,
 }
 
 /// What a material sounds like when it moves through the air.

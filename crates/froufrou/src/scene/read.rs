@@ -141,6 +141,7 @@ pub(crate) const ALL_KEYS: &[(&str, Keys)] = &[
     ("`slide` and `roll` of a material", sounds::RUB),
     ("`grains` of a material", sounds::GRAINS),
     ("`cloth` of a material", cloth::CLOTH),
+    ("`membrane` of a cloth", cloth::SHEET),
     ("`air` of a material", sounds::AIR),
     ("`reflect` of a material", sounds::REFLECT),
     ("`occlude` of a material", sounds::OCCLUDE),

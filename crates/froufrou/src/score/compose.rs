@@ -447,6 +447,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             } else {
                 match self.foreseen.pop_front() {
                     Some(Event::Friction(friction)) => self.rustle(&friction)?,
+                    Some(Event::Flap(flap)) => self.flap(&flap)?,
                     Some(event) => {
                         if let Some((how, rub)) = event.rub() {
                             self.rub(rub, how)?;

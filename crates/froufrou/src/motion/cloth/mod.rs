@@ -22,6 +22,7 @@ pub mod proximity;
 #[cfg(test)]
 mod shapes;
 pub mod sliding;
+pub mod tension;
 mod tree;
 mod triangle;
 pub mod triangulation;
@@ -36,7 +37,8 @@ use self::curvature::Curvature;
 use self::patches::Patches;
 use self::proximity::{Proximity, Touchable};
 use self::sliding::{Slides, Sliding, SlidingSettings};
-use super::event::{Buckle, Cause, Event, Moved};
+use self::tension::{Beat, Tension, TensionSettings};
+use super::event::{Buckle, Cause, Event, Flap, Moved};
 use crate::scene::animation::Mesh;
 use crate::{Error, Place, Result};
 
@@ -50,14 +52,21 @@ pub struct ClothSettings {
     pub buckles: BuckleSettings,
     /// What counts as sliding.
     pub sliding: SlidingSettings,
-    /// In how many patches sliding is told.
+    /// How taut it is and how it beats the air, where that is asked for.
+    pub tension: Option<TensionSettings>,
+    /// In how many patches what it does is told.
     pub patches: usize,
 }
 
 impl Default for ClothSettings {
     /// The cloth is told as a whole.
     fn default() -> Self {
-        Self { buckles: BuckleSettings::default(), sliding: SlidingSettings::default(), patches: 1 }
+        Self {
+            buckles: BuckleSettings::default(),
+            sliding: SlidingSettings::default(),
+            tension: None,
+            patches: 1,
+        }
     }
 }
 
@@ -147,6 +156,9 @@ struct Cloth {
     proximity: Proximity,
     slides: Slides,
     patches: Patches,
+    tension: Option<Tension>,
+    /// What is not told yet.
+    beats: Vec<Beat>,
 }
 
 impl Cloth {
@@ -162,6 +174,8 @@ impl Cloth {
             proximity,
             slides,
             patches: Patches::new(mesh.positions(), settings.patches),
+            tension: settings.tension.map(|settings| Tension::new(settings, mesh)),
+            beats: Vec::new(),
         }
     }
 
@@ -174,6 +188,9 @@ impl Cloth {
         };
         let (buckled, contacts) = rayon::join(bend, || proximity.contacts(objects));
         slides.feed(time_s, contacts, objects, curvature.area_m2());
+        if let Some(tension) = &mut self.tension {
+            self.beats.extend(tension.feed(time_s, own, curvature.area_m2(), &self.patches));
+        }
         buckled
     }
 
@@ -346,6 +363,7 @@ impl Analyser {
         let cloth = &mut self.cloths[at];
         cloth.slides.finish(&self.objects);
         let buckled = cloth.buckles.finish();
+        cloth.beats.extend(cloth.tension.iter_mut().flat_map(Tension::finish));
         self.tell(at, buckled);
     }
 
@@ -380,6 +398,20 @@ impl Analyser {
             })
         });
         self.events.extend(buckles);
+        let flaps = cloth.beats.drain(..).map(|beat| {
+            Event::Flap(Flap {
+                time_s: beat.time_s,
+                lasts_s: beat.lasts_s,
+                cloth: name(cloth.object),
+                patch: beat.patch,
+                position_m: beat.middle_m.to_array(),
+                tension_n_per_m: beat.tension_n_per_m,
+                speed_mps: beat.speed_mps,
+                impulse_ns: beat.impulse_ns,
+                cause: Cause::Motion(Moved { from_s: beat.time_s, to_s: beat.time_s + beat.lasts_s }),
+            })
+        });
+        self.events.extend(flaps);
         while let Some(sliding) = cloth.slides.next_sliding() {
             self.events
                 .extend(gather::events(&sliding, &cloth.patches, name).into_iter().map(Event::Friction));

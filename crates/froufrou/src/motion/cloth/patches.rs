@@ -19,6 +19,11 @@ impl Patches {
         Self { of, count }
     }
 
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
     /// That of a vertex.
     pub fn of(&self, vertex: u32) -> u32 {
         self.of.get(vertex as usize).copied().unwrap_or_default()

@@ -6,7 +6,7 @@ use super::sounds::{gain_in, reference_distance};
 use super::{Keys, with_place};
 use crate::Result;
 use crate::corpus::cloth::{preset, synthetic};
-use crate::scene::file::Cloth;
+use crate::scene::file::{Cloth, Sheet};
 
 pub(super) const CLOTH: Keys = &[
     "corpus",
@@ -19,11 +19,14 @@ pub(super) const CLOTH: Keys = &[
     "least_energy",
     "jitter",
     "patches",
+    "membrane",
     "gain_db",
     "friction_db",
     "pops_db",
     "reference_distance",
 ];
+
+pub(super) const SHEET: Keys = &["stiffness", "density", "damping", "size", "snap", "contact", "gain_db"];
 
 /// The longest that a pop comes after its buckle, in seconds: two frames of the animations of An et al.
 const MOST_JITTER_S: f64 = 1.0 / 30.0;
@@ -70,10 +73,33 @@ pub(super) fn cloth(node: &Node<'_, '_>, folder: &Folder) -> Result<Cloth> {
         jitter_s: within("jitter", 0.0, "seconds", 0.0, MOST_JITTER_S)?,
         patches: get("patches").map_or(Ok(16), |node| node.whole("a number of patches", 1, MOST_PATCHES))?
             as usize,
+        membrane: get("membrane").map(|node| sheet(&node, of_all_db)).transpose()?.flatten(),
         friction_db: of_all_db + gain("friction_db")?,
         pops_db: of_all_db + gain("pops_db")?,
         reference_distance_m: table.as_ref().map_or(Ok(1.0), reference_distance)?,
     })
+}
+
+/// How it sounds as a membrane: `true`, `false`, or a table.
+fn sheet(node: &Node<'_, '_>, of_all_db: f64) -> Result<Option<Sheet>> {
+    let table = match node.as_flag() {
+        Some(false) => return Ok(None),
+        Some(true) => None,
+        None => Some(node.table(SHEET)?),
+    };
+    let within = |key: &str, default: f64, what: &str, from: f64, to: f64| {
+        let node = table.as_ref().and_then(|table| table.get(key));
+        node.map_or(Ok(default), |node| node.within(what, from, to))
+    };
+    Ok(Some(Sheet {
+        stiffness_n_per_m: within("stiffness", 5000.0, "newtons a metre", 0.0, 1e7)?,
+        density_kg_per_m2: within("density", 0.15, "kilograms a square metre", 0.001, 100.0)?,
+        damping: within("damping", 0.1, "a part of the critical damping", 0.0001, 1.0)?,
+        size_m: within("size", 0.3, "metres", 0.01, 100.0)?,
+        snap_mps: within("snap", 1.0, "metres a second", 0.0, 1e6)?,
+        contact_s: within("contact", 0.002, "seconds", 0.0, 1.0)?,
+        gain_db: of_all_db + table.as_ref().map_or(Ok(0.0), |table| gain_in(table, "gain_db"))?,
+    }))
 }
 
 /// What is expected where a corpus is named.

@@ -11,17 +11,20 @@ use super::voice::{Place, Voice};
 use super::{Composer, Due, What, from_db, palette, tidy};
 use crate::corpus::cloth::ClothSound;
 use crate::corpus::cloth::playback::Playback;
-use crate::motion::event::{Buckle, Event, Friction};
+use crate::motion::event::{Buckle, Event, Flap, Friction};
 use crate::random::Random;
 use crate::scene::file::Cloth;
 use crate::scene::world::Carrier;
-use crate::score::{Action, Grain, Start};
+use crate::score::{Action, Blow, Grain, Start};
 use crate::synth::friction::voice::settings;
 use crate::synth::friction::{FrictionTable, PARTS, SpeedHistogram};
 use crate::{Error, Result};
 
 /// Keeps the times of pops apart from other random numbers of the same seed.
 const POPS: u64 = 0x70b5_0000_0000_0000;
+
+/// Where a membrane is struck as it snaps: none of its low modes rests there.
+const SNAPS_AT: f64 = 0.3;
 
 /// What cloths sound like, and what is known of them.
 #[derive(Default)]
@@ -34,6 +37,8 @@ pub(super) struct Wardrobe {
     rubbing: BTreeMap<(String, u32, String), u64>,
     /// The threads of patches that pop, by the cloth and the patch.
     popping: BTreeMap<(String, u32), u64>,
+    /// The threads of patches that beat the air, likewise.
+    flapping: BTreeMap<(String, u32), u64>,
     /// How many pops a cloth has played.
     counts: BTreeMap<String, u64>,
 }
@@ -184,6 +189,44 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             }
         }
         self.due.push(Reverse(Due { time_s: begin_s, what: What::Cue, id }));
+        Ok(())
+    }
+
+    /// A patch of a cloth beats the air for a moment.
+    pub(super) fn flap(&mut self, flap: &Flap) -> Result<()> {
+        if flap.time_s < 0.0 {
+            return Ok(());
+        }
+        let Some(cloth) = self.cloth_of(&flap.cloth) else { return Ok(()) };
+        let Some(sheet) = &cloth.membrane else { return Ok(()) };
+        let Some(name) = self.name_of_sound(&palette::membrane(sheet)) else { return Ok(()) };
+        let time_s = flap.time_s;
+        // What it is blown at with stirs it as what it beats.
+        let wind = self.world.wind.as_ref().map_or([0.0; 3], |wind| wind.velocity_mps(time_s));
+        let wind_mps = wind.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let controls = [("tension", flap.tension_n_per_m), ("speed", flap.speed_mps.hypot(wind_mps))];
+        let controls = controls.map(|(name, value)| (name.to_owned(), tidy(value))).to_vec();
+        let mut told = vec![(time_s, Action::Set(controls))];
+        if let Some(impulse_ns) = flap.impulse_ns {
+            let blow = Blow { impulse_ns: tidy(impulse_ns), place: SNAPS_AT, contact_s: sheet.contact_s };
+            told.push((time_s, Action::Strike(blow)));
+        }
+        let key = (flap.cloth.clone(), flap.patch);
+        let known = self.wardrobe.flapping.get(&key).copied().filter(|id| self.voices.contains_key(id));
+        let id = match known {
+            Some(id) => id,
+            None => {
+                let cause = format!("{} beats the air, {}", flap.cloth, flap.cause);
+                let start = Start { object: flap.cloth.clone(), cause, ..Start::new(name) };
+                let voices = &self.voices;
+                self.wardrobe.flapping.retain(|_, id| voices.contains_key(id));
+                let id = self.begin(time_s, Voice::at(start, flap.position_m, time_s));
+                self.wardrobe.flapping.insert(key, id);
+                id
+            }
+        };
+        let gain = from_db(sheet.gain_db) * cloth.reference_distance_m;
+        self.go_on(id, (time_s, flap.lasts_s), flap.position_m, gain, told);
         Ok(())
     }
 

@@ -2,7 +2,7 @@
 
 use super::super::{Make, Sound};
 use crate::scene::Scene;
-use crate::scene::file::{GrainSound, Instrument, Played};
+use crate::scene::file::{GrainSound, Instrument, Played, Sheet};
 
 /// The sounds that a scene may play.
 pub(super) fn sounds(scene: &Scene) -> Vec<Sound> {
@@ -23,6 +23,9 @@ pub(super) fn sounds(scene: &Scene) -> Vec<Sound> {
         for corpus in std::iter::once(&cloth.corpus).chain(along) {
             let folder = corpus.trim_end_matches('/');
             palette.add(folder.rsplit('/').next().unwrap_or_default(), self::cloth(corpus));
+        }
+        if let Some(sheet) = &cloth.membrane {
+            palette.add("membrane", membrane(sheet));
         }
     }
     palette.sounds
@@ -74,6 +77,19 @@ pub(super) fn grains(sound: &GrainSound) -> Sound {
 /// The sound of a cloth, without its name.
 pub(super) fn cloth(corpus: &str) -> Sound {
     Sound { name: String::new(), make: Make::Cloth { corpus: corpus.to_owned() }, with: Vec::new() }
+}
+
+/// The sound of a cloth as a membrane, without its name.
+pub(super) fn membrane(sheet: &Sheet) -> Sound {
+    let with = [
+        ("width", sheet.size_m),
+        ("height", sheet.size_m),
+        ("density", sheet.density_kg_per_m2),
+        ("damping", sheet.damping),
+        ("modes", 60.0),
+    ];
+    let with = with.map(|(name, value)| (name.to_owned(), value)).to_vec();
+    Sound { name: String::new(), make: Make::Membrane, with }
 }
 
 #[derive(Default)]

@@ -228,7 +228,8 @@ proptest! {
     fn any_grain_of_any_length_has_the_peaks_of_the_definition(
         seed in any::<u64>(),
         length in 1usize..3000,
-        cuts in prop::collection::vec((0usize..3000, 1usize..1500), 1..6),
+        // Of a few samples the correlation is ±1 nearly everywhere, and rounding decides which place is the best.
+        cuts in prop::collection::vec((0usize..3000, 8usize..1500), 1..6),
         peaks_per_grain in 1usize..6,
     ) {
         let recording = rattle(seed, length);
