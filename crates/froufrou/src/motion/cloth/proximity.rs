@@ -152,14 +152,13 @@ impl Proximity {
                     best.offer(before.object, before.triangle, found);
                 }
                 for (number, object) in objects.iter().enumerate() {
-                    let number = number as u32;
-                    match surroundings {
-                        Some(surroundings) if number == own => {
-                            object.tree.nearest(number, point, surroundings.of(vertex), &mut best);
-                        }
-                        None if number == own => {}
-                        _ => object.tree.nearest(number, point, &[], &mut best),
+                    if number as u32 != own {
+                        object.tree.nearest(number as u32, point, &[], &mut best);
                     }
+                }
+                // Most of what is near of itself does not count: it is cheaper to ask for less.
+                if let (Some(surroundings), Some(object)) = (surroundings, objects.get(own as usize)) {
+                    object.tree.nearest(own, point, surroundings.of(vertex), &mut best);
                 }
                 *last = best.found().map(|best| Contact {
                     object: best.object,
