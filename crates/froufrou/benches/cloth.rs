@@ -35,8 +35,13 @@ fn sheet(side: usize, place: impl Fn(f32, f32) -> [f32; 3]) -> Mesh {
 fn frames(side: usize) -> Vec<[Mesh; 2]> {
     let frame = |frame: usize| {
         let time = 0.3 * frame as f32;
-        let cloth = sheet(side, |u, v| [u + 0.01 * time, 0.03 + 0.02 * (20.0 * u + time).sin() * (17.0 * v).cos(), v]);
-        [cloth, sheet(side, |u, v| [2.0 * u - 0.5, 0.01 * (30.0 * u).sin() * (25.0 * v).sin(), 2.0 * v - 0.5])]
+        let cloth = sheet(side, |u, v| {
+            [u + 0.01 * time, 0.03 + 0.02 * (20.0 * u + time).sin() * (17.0 * v).cos(), v]
+        });
+        [
+            cloth,
+            sheet(side, |u, v| [2.0 * u - 0.5, 0.01 * (30.0 * u).sin() * (25.0 * v).sin(), 2.0 * v - 0.5]),
+        ]
     };
     (0..FRAMES).map(frame).collect()
 }

@@ -1,11 +1,11 @@
 //! What the cloths of simulated animations do, against what is known to happen in them.
-//!
-//! The data are sought in `$FROUFROU_DATA`, else in `../shared/data` beside the repository, and what is missing is
-//! skipped aloud.
 
-use std::path::{Path, PathBuf};
+mod data;
+
+use std::path::Path;
 use std::time::Instant;
 
+use data::data;
 use froufrou::Result;
 use froufrou::motion::cloth::buckles::BuckleSettings;
 use froufrou::motion::cloth::sliding::{Sliding, SlidingSettings};
@@ -15,16 +15,6 @@ use froufrou::motion::moving_cloth::{MovingCloth, Told};
 use froufrou::scene::Scene;
 use froufrou::scene::animation::Topology;
 use froufrou::scene::world::World;
-
-fn data(name: &str) -> Option<PathBuf> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let path = std::env::var_os("FROUFROU_DATA").map_or_else(beside, PathBuf::from).join("anim").join(name);
-    if !path.exists() {
-        eprintln!("skipped: there is no {} (set FROUFROU_DATA to the folder of test data)", path.display());
-        return None;
-    }
-    Some(path)
-}
 
 #[derive(Default)]
 struct Found {
@@ -42,7 +32,8 @@ fn bodies(path: &Path, cloth: &str, settings: ClothSettings) -> MovingCloth {
     let world = World::open(&scene).expect("a sound archive");
     let mut bodies = Vec::new();
     for body in world.objects.iter().flatten() {
-        let Some(carrier) = body.carrier.as_ref().filter(|carrier| carrier.topology() != Topology::None) else {
+        let Some(carrier) = body.carrier.as_ref().filter(|carrier| carrier.topology() != Topology::None)
+        else {
             continue;
         };
         let cloth = body.name.contains(cloth).then_some(settings);
@@ -106,7 +97,7 @@ impl Found {
 /// which the simulated sheet does not come nearer than some 7 cm.
 #[test]
 fn a_sheet_slides_where_it_is_dragged_and_buckles_where_it_is_shaken() -> Result<()> {
-    let Some(path) = data("sheet.abc") else { return Ok(()) };
+    let Some(path) = data("anim/sheet.abc") else { return Ok(()) };
     let found = find(&path, "Sheet", ClothSettings::default())?;
     found.print(0.4, 8.0);
     let (dragged, shaken, after) =
@@ -134,7 +125,7 @@ fn a_sheet_slides_where_it_is_dragged_and_buckles_where_it_is_shaken() -> Result
 /// In the wind, with nothing about it.
 #[test]
 fn a_flag_buckles_and_does_not_slide() -> Result<()> {
-    let Some(path) = data("flag.abc") else { return Ok(()) };
+    let Some(path) = data("anim/flag.abc") else { return Ok(()) };
     let found = find(&path, "Flag", ClothSettings::default())?;
     found.print(0.5, 6.0);
     // Folded over it comes near itself, but hardly.
@@ -146,7 +137,7 @@ fn a_flag_buckles_and_does_not_slide() -> Result<()> {
 
 #[test]
 fn a_cloth_that_falls_on_a_sphere_is_silent_until_it_does() -> Result<()> {
-    let Some(path) = data("cloth_over_sphere_120fps.abc") else { return Ok(()) };
+    let Some(path) = data("anim/cloth_over_sphere_120fps.abc") else { return Ok(()) };
     let sliding = SlidingSettings { radius_m: 0.02, ..SlidingSettings::default() };
     let found = find(&path, "loth", ClothSettings { sliding, ..ClothSettings::default() })?;
     found.print(0.1, 2.5);
@@ -159,7 +150,7 @@ fn a_cloth_that_falls_on_a_sphere_is_silent_until_it_does() -> Result<()> {
 /// The bow flips at 1.0, 1.8, 2.6, 3.4 and 4.2 s, each within 0.35 s; most of it in the second tenth of a second.
 #[test]
 fn paper_buckles_when_its_bow_flips() -> Result<()> {
-    let Some(path) = data("paper_flip.abc") else { return Ok(()) };
+    let Some(path) = data("anim/paper_flip.abc") else { return Ok(()) };
     let found = find(&path, "Paper", ClothSettings::default())?;
     found.print(0.1, 5.0);
     for flip in 0..5 {
@@ -174,7 +165,7 @@ fn paper_buckles_when_its_bow_flips() -> Result<()> {
 /// A dancer of 12 811 vertices in a dress of 14 783.
 #[test]
 fn a_dress_slides_along_its_dancer() -> Result<()> {
-    let Some(path) = data("rumba_dress.abc") else { return Ok(()) };
+    let Some(path) = data("anim/rumba_dress.abc") else { return Ok(()) };
     let settings = ClothSettings { buckles: BuckleSettings::default(), sliding: SlidingSettings::default() };
     let found = find(&path, "Garment", settings)?;
     found.print(0.4, 4.8);

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::rub::Rubbing;
 use crate::{Error, Place, Result};
 
 /// The longest line of an event file that is read, in bytes.
@@ -187,6 +188,47 @@ impl Cause {
 }
 
 impl Event {
+    /// The impact, if it is one.
+    pub fn impact(&self) -> Option<&Impact> {
+        match self {
+            Event::Impact(impact) => Some(impact),
+            _ => None,
+        }
+    }
+
+    /// The buckle, if it is one.
+    pub fn buckle(&self) -> Option<&Buckle> {
+        match self {
+            Event::Buckle(buckle) => Some(buckle),
+            _ => None,
+        }
+    }
+
+    /// The moment of friction, if it is one.
+    pub fn friction(&self) -> Option<&Friction> {
+        match self {
+            Event::Friction(friction) => Some(friction),
+            _ => None,
+        }
+    }
+
+    /// Two bodies that slide or roll along each other.
+    pub fn rubbing(how: Rubbing, rub: Rub) -> Self {
+        match how {
+            Rubbing::Slide => Event::Slide(rub),
+            Rubbing::Roll => Event::Roll(rub),
+        }
+    }
+
+    /// How two bodies rub along each other, sliding or rolling, if they do.
+    pub fn rub(&self) -> Option<(Rubbing, &Rub)> {
+        match self {
+            Event::Slide(rub) => Some((Rubbing::Slide, rub)),
+            Event::Roll(rub) => Some((Rubbing::Roll, rub)),
+            _ => None,
+        }
+    }
+
     /// When it happens, in seconds.
     pub fn time_s(&self) -> f64 {
         match self {

@@ -66,7 +66,9 @@ impl MovingCloth {
     /// An object without a mesh.
     pub fn new(bodies: Vec<(Participant, Carrier)>, file: impl Into<PathBuf>) -> Result<Self> {
         let file = file.into();
-        if let Some((participant, _)) = bodies.iter().find(|(_, carrier)| carrier.topology() == Topology::None) {
+        if let Some((participant, _)) =
+            bodies.iter().find(|(_, carrier)| carrier.topology() == Topology::None)
+        {
             return Err(Error::new("cloth cannot touch it: it has no mesh")
                 .at(Place::Part(participant.name.clone()))
                 .in_file(file));

@@ -51,7 +51,13 @@ impl Default for BuckleSettings {
     /// Everything that is not flat and wider than some centimetres, within a thirtieth of a second, as the time of a
     /// recorded pop is no surer.
     fn default() -> Self {
-        Self { blur_m: 0.01, flat_per_m: None, least_energy_mps: 0.0, gap_s: 1.0 / 30.0, longest_s: 1.0 / 15.0 }
+        Self {
+            blur_m: 0.01,
+            flat_per_m: None,
+            least_energy_mps: 0.0,
+            gap_s: 1.0 / 30.0,
+            longest_s: 1.0 / 15.0,
+        }
     }
 }
 
@@ -224,7 +230,11 @@ impl Buckles {
             let mean = |vertex: usize| {
                 let own = (areas[vertex] * now_per_m[vertex], areas[vertex]);
                 let add = |(sum, area): (f64, f64), other: usize| {
-                    if inner[other] { (sum + areas[other] * now_per_m[other], area + areas[other]) } else { (sum, area) }
+                    if inner[other] {
+                        (sum + areas[other] * now_per_m[other], area + areas[other])
+                    } else {
+                        (sum, area)
+                    }
                 };
                 let ring = surface.ring(vertex as u32).iter().map(|&other| other as usize);
                 let (sum, area) = ring.fold(own, add);
@@ -363,7 +373,8 @@ impl Buckles {
         let Self { settings, buckles, found, .. } = self;
         for (number, buckle) in buckles.iter_mut().enumerate() {
             // What joins may be told late.
-            let joins = time_s - LATEST_S <= (buckle.last_s + settings.gap_s).min(buckle.first_s + settings.longest_s);
+            let joins = time_s - LATEST_S
+                <= (buckle.last_s + settings.gap_s).min(buckle.first_s + settings.longest_s);
             if buckle.over || joins {
                 continue;
             }

@@ -46,8 +46,7 @@ impl Curvature {
             let (side_a, side_b, side_c) = (c - b, a - c, b - a);
             let normal = side_a.cross(side_b);
             let doubled = normal.length();
-            let squares =
-                [side_a.length_squared(), side_b.length_squared(), side_c.length_squared()];
+            let squares = [side_a.length_squared(), side_b.length_squared(), side_c.length_squared()];
             // Sums of what is no number would stay so; the least height is the doubled area by the longest side.
             let is_flat = doubled <= FLATTEST * squares[0].max(squares[1]).max(squares[2]);
             if is_flat {
@@ -58,9 +57,11 @@ impl Curvature {
             let (pull_a, pull_b, pull_c) =
                 (cotangents[0] * side_a, cotangents[1] * side_b, cotangents[2] * side_c);
             let areas = mixed(doubled, squares, dots, cotangents);
-            for (vertex, pull, area) in
-                [(i, pull_b - pull_c, areas[0]), (j, pull_c - pull_a, areas[1]), (k, pull_a - pull_b, areas[2])]
-            {
+            for (vertex, pull, area) in [
+                (i, pull_b - pull_c, areas[0]),
+                (j, pull_c - pull_a, areas[1]),
+                (k, pull_a - pull_b, areas[2]),
+            ] {
                 let sums = &mut self.sums[vertex as usize];
                 sums.pull += pull;
                 sums.normal += normal;

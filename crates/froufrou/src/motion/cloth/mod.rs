@@ -15,8 +15,8 @@
 
 pub mod buckles;
 pub mod curvature;
-mod geodesic;
 mod gather;
+mod geodesic;
 pub mod proximity;
 #[cfg(test)]
 mod shapes;
@@ -250,7 +250,9 @@ impl Analyser {
         }
         if !time_s.is_finite() || self.last_s.is_some_and(|last_s| time_s <= last_s) {
             let last = self.last_s.map_or_else(String::new, |last_s| format!(" after one at {last_s} s"));
-            return Err(Error::new(format!("a frame at {time_s} s{last}")).help("frames come in order of time"));
+            return Err(
+                Error::new(format!("a frame at {time_s} s{last}")).help("frames come in order of time")
+            );
         }
         let finite = |(mesh, participant): (&Mesh, &Participant)| {
             let Some(vertex) = mesh.positions.iter().position(|p| !p.iter().all(|c| c.is_finite())) else {
@@ -350,7 +352,10 @@ impl Analyser {
                 energy_mps,
                 positive,
                 vertices,
-                cause: Cause::Motion(Moved { from_s: span_s[0] - self.step_s, to_s: span_s[1] + self.step_s }),
+                cause: Cause::Motion(Moved {
+                    from_s: span_s[0] - self.step_s,
+                    to_s: span_s[1] + self.step_s,
+                }),
             })
         });
         self.events.extend(buckles);

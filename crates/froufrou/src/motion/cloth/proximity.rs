@@ -86,9 +86,7 @@ impl Touchable {
 
     /// Where a vertex was before and is now.
     pub(super) fn vertex(&self, vertex: u32) -> Option<[DVec3; 2]> {
-        let at = |positions: &[[f32; 3]]| {
-            Some(DVec3::from(positions.get(vertex as usize)?.map(f64::from)))
-        };
+        let at = |positions: &[[f32; 3]]| Some(DVec3::from(positions.get(vertex as usize)?.map(f64::from)));
         Some([at(&self.before)?, at(&self.positions)?])
     }
 }

@@ -103,4 +103,3 @@ pub fn placed(mesh: &Mesh, turn: glam::DQuat, scale: f64, moved: glam::DVec3) ->
     let place = |p: &[f32; 3]| (turn * (scale * glam::DVec3::from(p.map(f64::from))) + moved).to_array();
     Mesh { positions: single(mesh.positions.iter().map(place)), ..mesh.clone() }
 }
-

@@ -37,13 +37,11 @@ fn run(names: &[(&str, bool)], frames: impl IntoIterator<Item = (f64, Vec<Mesh>)
 }
 
 fn buckles(told: &Told) -> Vec<&Buckle> {
-    told.events.iter().filter_map(|e| if let Event::Buckle(buckle) = e { Some(buckle) } else { None }).collect()
+    told.events.iter().filter_map(Event::buckle).collect()
 }
 
 fn frictions(told: &Told) -> Vec<&Friction> {
-    let friction = |e: &'_ Event| matches!(e, Event::Friction(_));
-    let all = told.events.iter().filter(|e| friction(e));
-    all.filter_map(|e| if let Event::Friction(friction) = e { Some(friction) } else { None }).collect()
+    told.events.iter().filter_map(Event::friction).collect()
 }
 
 /// A sheet that waves up and down over a floor, comes down on it after 1 s and is pulled along it, `cells` wide.
@@ -55,10 +53,7 @@ fn scene(time_s: f64, cells: u32) -> Vec<Mesh> {
         let bow = wave * (std::f64::consts::PI * u).sin() * (1.0 - time_s).max(0.0);
         [u + along, height + bow, v]
     };
-    vec![
-        shapes::sheet(cells, cells, place),
-        shapes::sheet(2, 2, |u, v| [8.0 * u - 4.0, 0.0, 8.0 * v - 4.0]),
-    ]
+    vec![shapes::sheet(cells, cells, place), shapes::sheet(2, 2, |u, v| [8.0 * u - 4.0, 0.0, 8.0 * v - 4.0])]
 }
 
 const NAMES: [(&str, bool); 2] = [("sheet", true), ("floor", false)];
@@ -83,7 +78,10 @@ fn a_sheet_buckles_in_the_air_and_slides_on_the_floor() {
     let steady: Vec<_> = slid.iter().filter(|f| f.time_s > 1.25).collect();
     assert!(steady.len() > 40);
     for friction in steady {
-        assert!((friction.speed_mps - 0.8).abs() < 1e-3 && (friction.area_m2 - 1.0).abs() < 1e-3, "{friction:?}");
+        assert!(
+            (friction.speed_mps - 0.8).abs() < 1e-3 && (friction.area_m2 - 1.0).abs() < 1e-3,
+            "{friction:?}"
+        );
         let [x, _, z] = friction.position_m;
         assert!((x - 0.5 - 0.8 * (friction.time_s - 1.2)).abs() < 1e-3 && (z - 0.5).abs() < 1e-3);
     }
@@ -100,9 +98,7 @@ fn twice_the_resolution_and_rate_tell_the_same() {
     let energy = |told: &Told| buckles(told).iter().map(|b| b.energy_mps).sum::<f64>();
     let strong = |told: &Told| buckles(told).iter().filter(|b| b.energy_mps > 0.05).count();
     // ∫ area · speed dt.
-    let slid = |told: &Told| {
-        frictions(told).iter().map(|f| f.area_m2 * f.speed_mps * f.lasts_s).sum::<f64>()
-    };
+    let slid = |told: &Told| frictions(told).iter().map(|f| f.area_m2 * f.speed_mps * f.lasts_s).sum::<f64>();
     for told in &all[1..] {
         assert_eq!(strong(told), strong(&all[0]));
         assert!((energy(told) / energy(&all[0]) - 1.0).abs() < 0.2, "{} {}", energy(told), energy(&all[0]));
@@ -119,7 +115,9 @@ fn a_shift_of_time_and_another_order_of_objects_change_nothing_else() {
     let later = run(&NAMES, times(64.0, 1.6).map(|t| (t + 100.0, scene(t, 12))));
     let sooner = run(&NAMES, times(64.0, 1.6).map(|t| (t, scene(t, 12))));
     assert_eq!(later.events.len(), sooner.events.len());
-    assert!(later.events.iter().zip(&sooner.events).all(|(a, b)| (a.time_s() - b.time_s() - 100.0).abs() < 1e-9));
+    assert!(
+        later.events.iter().zip(&sooner.events).all(|(a, b)| (a.time_s() - b.time_s() - 100.0).abs() < 1e-9)
+    );
 }
 
 #[test]
@@ -143,7 +141,8 @@ fn other_faces_begin_anew_and_that_is_told() {
         meshes
     };
     let told = run(&NAMES, times(60.0, 2.0).map(|t| (t, frame(t))));
-    let restarts: Vec<_> = told.restarts.iter().map(|r| (r.object, r.why, (r.time_s * 60.0).round())).collect();
+    let restarts: Vec<_> =
+        told.restarts.iter().map(|r| (r.object, r.why, (r.time_s * 60.0).round())).collect();
     assert_eq!(restarts, [(0, Why::Faces, 30.0), (1, Why::Faces, 84.0)]);
     // Buckles at 0.175 and 0.873 s are as ever; that of 0.524 s is seen by the new faces.
     let whole = run(&NAMES, times(60.0, 2.0).map(|t| (t, scene(t, 16))));

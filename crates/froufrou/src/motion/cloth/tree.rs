@@ -168,7 +168,10 @@ impl Tree {
                     (by(lesser), by(greater))
                 } else {
                     let inner = &self.nodes[child as usize + lane];
-                    (inner.low.map(|lanes| fold(&lanes, lesser)), inner.high.map(|lanes| fold(&lanes, greater)))
+                    (
+                        inner.low.map(|lanes| fold(&lanes, lesser)),
+                        inner.high.map(|lanes| fold(&lanes, greater)),
+                    )
                 };
                 let node = &mut self.nodes[at];
                 for axis in 0..3 {

@@ -98,8 +98,7 @@ impl Triangulation {
         }
         let corners = triangles.iter().enumerate().flat_map(|(t, corners)| corners.map(|v| (v, t as u32)));
         let fans = Lists::from_pairs(count, corners);
-        let mut made =
-            Self { welded, triangles, rings, fans, inner: Vec::new(), boundary_edges, odd_edges };
+        let mut made = Self { welded, triangles, rings, fans, inner: Vec::new(), boundary_edges, odd_edges };
         made.inner = (0..count as u32).map(|vertex| made.closes(vertex, &across, &torn)).collect();
         Ok(made)
     }
@@ -260,12 +259,7 @@ fn sides(triangles: &[[u32; 3]]) -> Vec<Side> {
     for (triangle, corners) in triangles.iter().enumerate() {
         for side in 0..3 {
             let (a, b) = (corners[side], corners[(side + 1) % 3]);
-            sides.push(Side {
-                low: a.min(b),
-                high: a.max(b),
-                triangle: triangle as u32,
-                side: side as u8,
-            });
+            sides.push(Side { low: a.min(b), high: a.max(b), triangle: triangle as u32, side: side as u8 });
         }
     }
     sides.sort_unstable_by_key(|side| (side.low, side.high, side.triangle, side.side));

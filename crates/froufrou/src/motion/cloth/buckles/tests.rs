@@ -54,7 +54,11 @@ fn a_fold_that_flips_is_one_buckle_each_time() {
             assert!((buckled.time_s - time_s).abs() < 0.003, "{buckled:?} {time_s}");
             // Bowed up it is convex, H above 0.
             assert_eq!(buckled.positive, number % 2 == 1);
-            assert!(close(buckled.energy_mps, exact, 0.15), "{cells} {rate_hz}: {} {exact}", buckled.energy_mps);
+            assert!(
+                close(buckled.energy_mps, exact, 0.15),
+                "{cells} {rate_hz}: {} {exact}",
+                buckled.energy_mps
+            );
             let [x, y, z] = buckled.position_m;
             assert!((x - 0.2).abs() < 1e-3 && (y - 0.2).abs() < 1e-3 && z.abs() < 1e-4, "{buckled:?}");
         }
@@ -84,9 +88,8 @@ fn a_fold_that_travels_is_as_many_buckles_at_any_rate_and_resolution() {
         assert!(close(sum(found), sum(&all[0]), 0.2), "{} {}", sum(found), sum(&all[0]));
         let mean = |found: &[Buckled]| sum(found) / found.len() as f64;
         assert!(close(mean(found), mean(&all[0]), 0.2));
-        let middle = |found: &[Buckled]| {
-            found.iter().map(|b| b.time_s * b.energy_mps).sum::<f64>() / sum(found)
-        };
+        let middle =
+            |found: &[Buckled]| found.iter().map(|b| b.time_s * b.energy_mps).sum::<f64>() / sum(found);
         assert!((middle(found) - middle(&all[0])).abs() < 0.02, "{} {}", middle(found), middle(&all[0]));
     }
     // A buckle lies on one of the two flanks of the fold, some 3 cm from its middle, when it is told to.
@@ -146,7 +149,10 @@ fn trembling_finer_than_the_blur_hides_no_fold() {
     let whole = buckles([32; 2], 60.0, 1.4, BuckleSettings::default(), standing);
     assert_eq!(with.len(), whole.len(), "{with:?}");
     for ((time_s, energy_mps), expected) in with.iter().zip(&whole) {
-        assert!((time_s - expected.time_s).abs() < 0.01 && close(*energy_mps, expected.energy_mps, 0.3), "{with:?}");
+        assert!(
+            (time_s - expected.time_s).abs() < 0.01 && close(*energy_mps, expected.energy_mps, 0.3),
+            "{with:?}"
+        );
     }
     assert_ne!(without.len(), whole.len(), "{without:?}");
 }
@@ -186,7 +192,8 @@ fn weak_buckles_are_left_out_and_fast_ones_have_more_energy() {
 
 #[test]
 fn nothing_of_a_long_animation_is_kept() {
-    let surface = Triangulation::new(&shapes::sheet(20, 20, |u, v| standing(0.0, u, v))).expect("a sound mesh");
+    let surface =
+        Triangulation::new(&shapes::sheet(20, 20, |u, v| standing(0.0, u, v))).expect("a sound mesh");
     let mut found = Buckles::new(BuckleSettings::default());
     let mut curvature = Curvature::default();
     for frame in 0..2000 {
@@ -194,6 +201,11 @@ fn nothing_of_a_long_animation_is_kept() {
         let mesh = shapes::sheet(20, 20, |u, v| standing(time_s, u, v));
         curvature.measure(&surface, &mesh.positions);
         found.feed(time_s, &surface, &curvature, &mesh.positions);
-        assert!(found.buckles.len() < 500 && found.found.len() < 10, "{} {}", found.buckles.len(), found.found.len());
+        assert!(
+            found.buckles.len() < 500 && found.found.len() < 10,
+            "{} {}",
+            found.buckles.len(),
+            found.found.len()
+        );
     }
 }

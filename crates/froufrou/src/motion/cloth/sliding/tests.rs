@@ -99,7 +99,15 @@ fn without_a_contact_there_is_no_speed() {
 #[test]
 fn between_frames_the_speed_is_the_monotone_cubic() {
     // It speeds up, stops, and speeds up again, at uneven times.
-    let along = |t: f64| if t < 0.5 { t * t } else if t < 0.7 { 0.25 } else { 0.25 + 2.0 * (t - 0.7).powi(2) };
+    let along = |t: f64| {
+        if t < 0.5 {
+            t * t
+        } else if t < 0.7 {
+            0.25
+        } else {
+            0.25 + 2.0 * (t - 0.7).powi(2)
+        }
+    };
     let times: Vec<f64> = (0..30).map(|i| 0.033 * f64::from(i) + 0.01 * f64::from(i % 3)).collect();
     let settings = SlidingSettings { threshold_mps: 0.0, ..LOOSE };
     let told = run(settings, &times, |t| [pushed(along(t), 0.0), table()]);

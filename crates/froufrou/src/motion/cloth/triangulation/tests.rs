@@ -125,7 +125,8 @@ fn quadrangles_are_cut_along_the_shorter_diagonal_and_lines_are_none() -> Result
 #[test]
 fn what_is_no_mesh_is_told() {
     let corners = [[0.0f32; 3]; 3];
-    let fault = |mesh: Mesh| Triangulation::new(&mesh).map(|_| String::new()).unwrap_or_else(|e| e.to_string());
+    let fault =
+        |mesh: Mesh| Triangulation::new(&mesh).map(|_| String::new()).unwrap_or_else(|e| e.to_string());
     let told = fault(mesh(&corners, &[&[0, 1, 3]]));
     assert_eq!(told, "a face has vertex 3, but the mesh has 3");
     let odd = Mesh { face_sizes: vec![3, 3], ..mesh(&corners, &[&[0, 1, 2]]) };
