@@ -112,8 +112,8 @@ fn main() -> Fallible<()> {
         let mut proximity = Proximity::new(0, &objects[0], radius_m, f64::INFINITY);
         let watch = Watch::start();
         for (mesh, other) in cloth.iter().zip(&other) {
-            objects[0].follow(&mesh.positions);
-            objects[1].follow(&other.positions);
+            objects[0].follow(&mesh.positions)?;
+            objects[1].follow(&other.positions)?;
             proximity.contacts(&objects);
         }
         say(name, watch.read());
@@ -130,8 +130,8 @@ fn main() -> Fallible<()> {
     }
     let watch = Watch::start();
     for (mesh, other) in cloth.iter().zip(&other) {
-        objects[0].follow(&mesh.positions);
-        objects[1].follow(&other.positions);
+        objects[0].follow(&mesh.positions)?;
+        objects[1].follow(&other.positions)?;
     }
     say("follow", watch.read());
 

@@ -231,6 +231,22 @@ impl Event {
         }
     }
 
+    /// The buckle, if it is one.
+    pub fn buckle(&self) -> Option<&Buckle> {
+        match self {
+            Event::Buckle(buckle) => Some(buckle),
+            _ => None,
+        }
+    }
+
+    /// The moment of friction, if it is one.
+    pub fn friction(&self) -> Option<&Friction> {
+        match self {
+            Event::Friction(friction) => Some(friction),
+            _ => None,
+        }
+    }
+
     /// Two bodies that slide or roll along each other.
     pub fn rubbing(how: Rubbing, rub: Rub) -> Self {
         match how {

@@ -1,5 +1,9 @@
 //! Where a cloth buckles: its mean curvature changes sign.
 //!
+//! Simulators let the vertices of stiff cloth tremble against each other, so that the curvature at one vertex changes
+//! sign all the time. So H is blurred first, to what is seen of it at a length: it is the mean over a vertex and its
+//! neighbours, by area, again and again as the length asks for.
+//!
 //! A vertex is on one side while |H| is more than a least curvature, and stays on it until H is as far on the other
 //! side; so a flat cloth does not chatter. When it gets there, it has crossed: at the time at which H last was 0,
 //! interpolated between two frames, and at the rate |ΔH|/Δt of its way from the frame before that time to where it is
@@ -20,9 +24,18 @@ const NONE: u32 = u32::MAX;
 /// nobody has to wait for it.
 const LATEST_S: f64 = 0.1;
 
+/// A vertex and its neighbours average with this part of their squared distance as their variance: six of seven on a
+/// ring, whose variance along either axis is half.
+const RING: f64 = 3.0 / 7.0;
+/// More often than this nothing is averaged, however fine the mesh is.
+const MOST_ROUNDS: f64 = 64.0;
+
 /// What counts as a buckle, and which crossings are one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BuckleSettings {
+    /// How far H is blurred, in metres: the standard deviation along either axis. Meshes whose edges are longer than
+    /// that or so are left as they are; 0 leaves all so.
+    pub blur_m: f64,
     /// |H| up to which a surface is flat, in 1/m; without it a fiftieth of 1/√area, by the area of the first frame: a
     /// sheet that is bent by some 2° from end to end.
     pub flat_per_m: Option<f64>,
@@ -35,9 +48,16 @@ pub struct BuckleSettings {
 }
 
 impl Default for BuckleSettings {
-    /// Everything that is not flat, within a thirtieth of a second, as the time of a recorded pop is no surer.
+    /// Everything that is not flat and wider than some centimetres, within a thirtieth of a second, as the time of a
+    /// recorded pop is no surer.
     fn default() -> Self {
-        Self { flat_per_m: None, least_energy_mps: 0.0, gap_s: 1.0 / 30.0, longest_s: 1.0 / 15.0 }
+        Self {
+            blur_m: 0.01,
+            flat_per_m: None,
+            least_energy_mps: 0.0,
+            gap_s: 1.0 / 30.0,
+            longest_s: 1.0 / 15.0,
+        }
     }
 }
 
@@ -104,6 +124,11 @@ struct Open {
 pub struct Buckles {
     settings: BuckleSettings,
     flat_per_m: f64,
+    /// How often curvature is averaged.
+    rounds: u32,
+    /// Curvature as it is now, and room for averaging it.
+    now_per_m: Vec<f64>,
+    room: Vec<f64>,
     states: Vec<State>,
     /// The curvatures, positions and time of the last frame.
     last: Option<f64>,
@@ -120,6 +145,9 @@ impl Buckles {
         Self {
             settings,
             flat_per_m: 0.0,
+            rounds: 0,
+            now_per_m: Vec::new(),
+            room: Vec::new(),
             states: Vec::new(),
             last: None,
             last_per_m: Vec::new(),
@@ -143,15 +171,20 @@ impl Buckles {
         curvature: &Curvature,
         positions: &[[f32; 3]],
     ) -> Vec<Buckled> {
-        let now = curvature.mean_per_m();
         if self.last.is_none() {
             self.begin(curvature, surface, positions);
+        }
+        self.blur(surface, curvature);
+        if self.last.is_none() {
+            let flat_per_m = self.flat_per_m;
+            for (state, &h) in self.states.iter_mut().zip(&self.now_per_m) {
+                state.side = side(h, flat_per_m);
+            }
         } else if let Some(last_s) = self.last {
             self.cross(last_s, time_s, surface, curvature, positions);
         }
         self.last = Some(time_s);
-        self.last_per_m.clear();
-        self.last_per_m.extend_from_slice(now);
+        std::mem::swap(&mut self.last_per_m, &mut self.now_per_m);
         self.last_m.clear();
         self.last_m.extend_from_slice(positions);
         self.settle(time_s)
@@ -182,9 +215,33 @@ impl Buckles {
         self.flat_per_m = if flat_per_m.is_nan() { f64::INFINITY } else { flat_per_m };
         self.states.clear();
         self.states.resize(surface.vertex_count(), UNKNOWN);
-        let flat_per_m = self.flat_per_m;
-        for (state, &h) in self.states.iter_mut().zip(curvature.mean_per_m()) {
-            state.side = side(h, flat_per_m);
+        let rounds = (self.settings.blur_m / edge_m).powi(2) / RING;
+        self.rounds = if rounds.is_nan() { 0 } else { rounds.min(MOST_ROUNDS).round() as u32 };
+    }
+
+    /// Takes up the curvature of the frame that is now.
+    fn blur(&mut self, surface: &Triangulation, curvature: &Curvature) {
+        self.now_per_m.clear();
+        self.now_per_m.extend_from_slice(curvature.mean_per_m());
+        let (areas, inner) = (curvature.area_m2(), surface.inner());
+        for _ in 0..self.rounds {
+            self.room.clear();
+            let now_per_m = &self.now_per_m;
+            let mean = |vertex: usize| {
+                let own = (areas[vertex] * now_per_m[vertex], areas[vertex]);
+                let add = |(sum, area): (f64, f64), other: usize| {
+                    if inner[other] {
+                        (sum + areas[other] * now_per_m[other], area + areas[other])
+                    } else {
+                        (sum, area)
+                    }
+                };
+                let ring = surface.ring(vertex as u32).iter().map(|&other| other as usize);
+                let (sum, area) = ring.fold(own, add);
+                if inner[vertex] && area > 0.0 { sum / area } else { 0.0 }
+            };
+            self.room.extend((0..now_per_m.len()).map(mean));
+            std::mem::swap(&mut self.now_per_m, &mut self.room);
         }
     }
 
@@ -200,7 +257,7 @@ impl Buckles {
         let areas = curvature.area_m2();
         let step_s = time_s - last_s;
         for vertex in 0..self.states.len() {
-            let (before, now) = (self.last_per_m[vertex], curvature.mean_per_m()[vertex]);
+            let (before, now) = (self.last_per_m[vertex], self.now_per_m[vertex]);
             let state = &mut self.states[vertex];
             if (before < 0.0) != (now < 0.0) {
                 let part = (before / (before - now)).clamp(0.0, 1.0);

@@ -343,11 +343,10 @@ impl Analyser {
                 }
             }
         }
-        self.objects.par_iter_mut().zip(meshes).zip(&changed).for_each(|((object, mesh), changed)| {
-            if changed.is_none() {
-                object.follow(&mesh.positions);
-            }
-        });
+        let objects = self.objects.par_iter_mut().zip(meshes).zip(&changed);
+        objects
+            .filter(|(_, changed)| changed.is_none())
+            .try_for_each(|((object, mesh), _)| object.follow(&mesh.positions))?;
         for (object, taken) in taken.into_iter().enumerate() {
             let Some((touchable, faces)) = taken else { continue };
             (self.objects[object], self.faces[object]) = (touchable, faces);

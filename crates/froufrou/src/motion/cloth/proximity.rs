@@ -7,8 +7,8 @@ use rayon::prelude::*;
 use super::geodesic::Surroundings;
 use super::tree::{Best, Tree};
 use super::triangulation::Triangulation;
-use crate::Result;
 use crate::scene::animation::Mesh;
+use crate::{Error, Result};
 
 /// Vertices that one thread takes at a time.
 const PORTION: usize = 256;
@@ -59,10 +59,13 @@ impl Touchable {
 
     /// Takes up where its vertices are now.
     ///
-    /// # Panics
+    /// # Errors
     /// Another number of positions than before.
-    pub fn follow(&mut self, positions: &[[f32; 3]]) {
-        assert_eq!(positions.len(), self.positions.len(), "the vertices of a mesh stay the same");
+    pub fn follow(&mut self, positions: &[[f32; 3]]) -> Result<()> {
+        if positions.len() != self.positions.len() {
+            let (given, expected) = (positions.len(), self.positions.len());
+            return Err(Error::new(format!("{given} positions for a mesh of {expected} vertices")));
+        }
         let moves = self.positions != positions;
         if moves || self.before != positions {
             std::mem::swap(&mut self.before, &mut self.positions);
@@ -72,6 +75,7 @@ impl Touchable {
         if moves {
             self.tree.refit(&self.surface, positions);
         }
+        Ok(())
     }
 
     /// A point of a triangle with its normal, which has no length of its own, before and now.
@@ -153,14 +157,13 @@ impl Proximity {
                     best.offer(before.object, before.triangle, found);
                 }
                 for (number, object) in objects.iter().enumerate() {
-                    let number = number as u32;
-                    match surroundings {
-                        Some(surroundings) if number == own => {
-                            object.tree.nearest(number, point, surroundings.of(vertex), &mut best);
-                        }
-                        None if number == own => {}
-                        _ => object.tree.nearest(number, point, &[], &mut best),
+                    if number as u32 != own {
+                        object.tree.nearest(number as u32, point, &[], &mut best);
                     }
+                }
+                // Most of what is near of itself does not count: it is cheaper to ask for less.
+                if let (Some(surroundings), Some(object)) = (surroundings, objects.get(own as usize)) {
+                    object.tree.nearest(own, point, surroundings.of(vertex), &mut best);
                 }
                 *last = best.found().map(|best| Contact {
                     object: best.object,

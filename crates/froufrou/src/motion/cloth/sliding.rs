@@ -172,10 +172,7 @@ impl Slides {
     }
 
     /// Takes the next frame: what its vertices touch now, the objects as they have come to lie since the last frame,
-    /// and the area of every vertex of the cloth.
-    ///
-    /// # Panics
-    /// Another number of contacts than there are vertices.
+    /// and the area of every vertex of the cloth. What is not given touches nothing and has no area.
     pub fn feed(
         &mut self,
         time_s: f64,
@@ -183,18 +180,21 @@ impl Slides {
         objects: &[Touchable],
         area_m2: &[f64],
     ) {
-        assert_eq!(contacts.len(), self.vertices.len(), "a contact or none for each vertex");
         if let Some(last) = self.last.take() {
             let step_s = time_s - last.time_s;
             self.know(last, step_s, objects);
         }
         self.contacts.clear();
         self.contacts.extend_from_slice(contacts);
+        self.contacts.resize(self.vertices.len(), None);
         let own = objects.get(self.cloth as usize).map_or(&[][..], Touchable::positions);
         let mut frame = Frame { time_s, ..Frame::default() };
-        frame.other.extend(contacts.iter().map(|contact| contact.map_or(u32::MAX, |contact| contact.object)));
-        frame.position_m.extend(self.vertices.iter().map(|&vertex| own[vertex as usize]));
-        frame.area_m2.extend(self.vertices.iter().map(|&vertex| area_m2[vertex as usize]));
+        let other = |contact: &Option<Contact>| contact.map_or(u32::MAX, |contact| contact.object);
+        frame.other.extend(self.contacts.iter().map(other));
+        for &vertex in &self.vertices {
+            frame.position_m.push(own.get(vertex as usize).copied().unwrap_or_default());
+            frame.area_m2.push(area_m2.get(vertex as usize).copied().unwrap_or_default());
+        }
         self.last = Some(frame);
         self.release(time_s);
     }

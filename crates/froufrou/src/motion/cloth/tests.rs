@@ -37,16 +37,11 @@ fn run(names: &[(&str, bool)], frames: impl IntoIterator<Item = (f64, Vec<Mesh>)
 }
 
 fn buckles(told: &Told) -> Vec<&Buckle> {
-    told.events
-        .iter()
-        .filter_map(|e| if let Event::Buckle(buckle) = e { Some(buckle) } else { None })
-        .collect()
+    told.events.iter().filter_map(Event::buckle).collect()
 }
 
 fn frictions(told: &Told) -> Vec<&Friction> {
-    let friction = |e: &'_ Event| matches!(e, Event::Friction(_));
-    let all = told.events.iter().filter(|e| friction(e));
-    all.filter_map(|e| if let Event::Friction(friction) = e { Some(friction) } else { None }).collect()
+    told.events.iter().filter_map(Event::friction).collect()
 }
 
 /// A sheet that waves up and down over a floor, comes down on it after 1 s and is pulled along it, `cells` wide.

@@ -1,4 +1,6 @@
 //! A bounding volume hierarchy over the triangles of a mesh that moves: built once, refitted from frame to frame.
+//!
+//! Each node has up to eight children, whose boxes are measured at once; those of the lowest nodes are triangles.
 
 use glam::DVec3;
 
@@ -6,20 +8,25 @@ use super::geodesic::holds;
 use super::triangle::{Nearest, nearest};
 use super::triangulation::Triangulation;
 
-/// Triangles in a leaf at most.
-const LEAF: usize = 4;
-/// Boxes are measured in single precision. What is further than the best by this part may be left out.
+/// Children of a node at most.
+const WIDTH: usize = 8;
+/// Boxes are measured in single precision, as is the best against them. What is further by this part may be left out.
 const MARGIN: f32 = 1.0 - 1e-5;
+
+/// A number for each child.
+type Lanes = [f32; WIDTH];
 
 #[derive(Debug, Clone, Copy)]
 struct Node {
-    low: [f32; 3],
-    high: [f32; 3],
+    /// The boxes of the children; that of one that is not there is nowhere.
+    low: [Lanes; 3],
+    high: [Lanes; 3],
     /// The triangles within, as they lie in the order of the tree: the first, and behind the last.
     first: u32,
     end: u32,
-    /// The first of its two children, which lie side by side; 0 for a leaf.
+    /// The first of its children, which lie side by side; 0 where they are triangles, from `first` on.
     child: u32,
+    children: u32,
 }
 
 /// The tree.
@@ -58,13 +65,43 @@ impl Best {
         }
     }
 
+    /// What is nearer than this, squared, may be the closest.
+    #[inline(always)]
+    fn bound(&self) -> f32 {
+        self.nearest.squared_m2 as f32
+    }
+
     pub fn found(self) -> Option<Self> {
         (self.object != u32::MAX).then_some(self)
     }
 }
 
+/// Cuts some triangles into parts of about one size, each time across their longest side, and gives where they end.
+fn cut(part: &mut [u32], parts: usize, centres: &[[f32; 3]], from: usize, ends: &mut Vec<usize>) {
+    if parts <= 1 {
+        ends.push(from + part.len());
+        return;
+    }
+    let mut lengths = [0.0_f32; 3];
+    for (axis, length) in lengths.iter_mut().enumerate() {
+        let places = part.iter().map(|&i| centres[i as usize][axis]);
+        let (low, high) =
+            places.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), c| (low.min(c), high.max(c)));
+        *length = high - low;
+    }
+    let longest = |a: usize, b: usize| if lengths[b] > lengths[a] { b } else { a };
+    let axis = longest(longest(0, 1), 2);
+    let key = |i: u32| centres[i as usize][axis];
+    let fewer = parts / 2;
+    let half = part.len() * fewer / parts;
+    part.select_nth_unstable_by(half, |&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
+    let (before, after) = part.split_at_mut(half);
+    cut(before, fewer, centres, from, ends);
+    cut(after, parts - fewer, centres, from + half, ends);
+}
+
 impl Tree {
-    /// Builds the tree over triangles as they lie, halving them along their longest side until four are left.
+    /// Builds the tree over triangles as they lie.
     pub fn build(surface: &Triangulation, positions: &[[f32; 3]]) -> Self {
         let triangles = surface.triangles();
         let centre = |&[a, b, c]: &[u32; 3]| -> [f32; 3] {
@@ -74,33 +111,29 @@ impl Tree {
         let centres: Vec<[f32; 3]> = triangles.iter().map(centre).collect();
         let mut order: Vec<u32> = (0..triangles.len() as u32).collect();
         let node = |first: usize, end: usize| Node {
-            low: [f32::INFINITY; 3],
-            high: [f32::NEG_INFINITY; 3],
+            low: [[f32::INFINITY; WIDTH]; 3],
+            high: [[f32::NEG_INFINITY; WIDTH]; 3],
             first: first as u32,
             end: end as u32,
             child: 0,
+            children: (end - first) as u32,
         };
         let mut nodes = vec![node(0, order.len())];
+        let mut ends = Vec::new();
         let mut at = 0;
         while let Some(&Node { first, end, .. }) = nodes.get(at) {
-            let (first, end) = (first as usize, end as usize);
-            if end - first > LEAF {
-                let part = &mut order[first..end];
-                let mut lengths = [0.0_f32; 3];
-                for (axis, length) in lengths.iter_mut().enumerate() {
-                    let places = part.iter().map(|&i| centres[i as usize][axis]);
-                    let (low, high) = places
-                        .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), c| (low.min(c), high.max(c)));
-                    *length = high - low;
+            let (mut first, end) = (first as usize, end as usize);
+            let count = end - first;
+            if count > WIDTH {
+                // Few triangles go to as few nodes as can hold them.
+                let parts = count.div_ceil(WIDTH).min(WIDTH);
+                ends.clear();
+                cut(&mut order[first..end], parts, &centres, first, &mut ends);
+                (nodes[at].child, nodes[at].children) = (nodes.len() as u32, parts as u32);
+                for &end in &ends {
+                    nodes.push(node(first, end));
+                    first = end;
                 }
-                let longest = |a: usize, b: usize| if lengths[b] > lengths[a] { b } else { a };
-                let axis = longest(longest(0, 1), 2);
-                let key = |i: u32| centres[i as usize][axis];
-                let half = part.len() / 2;
-                part.select_nth_unstable_by(half, |&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
-                nodes[at].child = nodes.len() as u32;
-                nodes.push(node(first, first + half));
-                nodes.push(node(first + half, end));
             }
             at += 1;
         }
@@ -125,22 +158,26 @@ impl Tree {
         let corners = |&t: &u32| triangles[t as usize].map(|vertex| positions[vertex as usize]);
         self.corners.extend(self.order.iter().map(corners));
         for at in (0..self.nodes.len()).rev() {
-            let Node { first, end, child, .. } = self.nodes[at];
-            let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-            let mut hold = |from: &[f32; 3], to: &[f32; 3]| {
+            let Node { first, child, children, .. } = self.nodes[at];
+            for lane in 0..children as usize {
+                let (low, high) = if child == 0 {
+                    let [a, b, c] = self.corners[first as usize + lane];
+                    let by = |less: fn(f32, f32) -> f32| {
+                        std::array::from_fn(|axis| less(less(a[axis], b[axis]), c[axis]))
+                    };
+                    (by(lesser), by(greater))
+                } else {
+                    let inner = &self.nodes[child as usize + lane];
+                    (
+                        inner.low.map(|lanes| fold(&lanes, lesser)),
+                        inner.high.map(|lanes| fold(&lanes, greater)),
+                    )
+                };
+                let node = &mut self.nodes[at];
                 for axis in 0..3 {
-                    low[axis] = low[axis].min(from[axis]);
-                    high[axis] = high[axis].max(to[axis]);
+                    (node.low[axis][lane], node.high[axis][lane]) = (low[axis], high[axis]);
                 }
-            };
-            if child == 0 {
-                let corners = self.corners[first as usize..end as usize].as_flattened();
-                corners.iter().for_each(|corner| hold(corner, corner));
-            } else {
-                let children = &self.nodes[child as usize..child as usize + 2];
-                children.iter().for_each(|child| hold(&child.low, &child.high));
             }
-            (self.nodes[at].low, self.nodes[at].high) = (low, high);
         }
     }
 
@@ -163,50 +200,84 @@ impl Tree {
             return;
         }
         let wide = DVec3::from(point.map(f64::from));
-        // The halves are even, so that a stack of 64 holds any tree.
-        let mut stack = [(0u32, 0.0_f32); 64];
-        let mut height = 1;
-        stack[0] = (0, self.nodes[0].squared_m2(point));
+        // A node has eight children at most, and even halves make ten levels hold more than can be numbered.
+        let mut stack = [(0u32, 0.0_f32); 10 * WIDTH];
+        let (mut height, mut bound) = (1, best.bound());
         while height > 0 {
             height -= 1;
             let (at, squared) = stack[height];
-            let node = &self.nodes[at as usize];
-            if f64::from(squared * MARGIN) > best.nearest.squared_m2
-                || (!left_out.is_empty() && holds(left_out, node.first, node.end))
-            {
+            if squared > bound {
                 continue;
             }
-            if node.child == 0 {
-                for slot in node.first..node.end {
-                    if left_out.is_empty() || !holds(left_out, slot, slot + 1) {
+            let node = &self.nodes[at as usize];
+            let squares = node.squared_m2(point);
+            let mut near = 0u32;
+            for (lane, &squared) in squares.iter().enumerate() {
+                near |= u32::from(squared <= bound) << lane;
+            }
+            near &= (1 << node.children) - 1;
+            let bottom = height;
+            while near != 0 {
+                let lane = near.trailing_zeros();
+                near &= near - 1;
+                if node.child == 0 {
+                    let slot = node.first + lane;
+                    if squares[lane as usize] <= bound
+                        && (left_out.is_empty() || !holds(left_out, slot, slot + 1))
+                    {
                         let found = nearest(wide, self.corners(slot));
                         best.offer(object, self.order[slot as usize], found);
+                        bound = best.bound();
+                    }
+                    continue;
+                }
+                let inner = node.child + lane;
+                if !left_out.is_empty() {
+                    let Node { first, end, .. } = self.nodes[inner as usize];
+                    if holds(left_out, first, end) {
+                        continue;
                     }
                 }
-                continue;
-            }
-            let children = [node.child, node.child + 1];
-            let squares = children.map(|child| self.nodes[child as usize].squared_m2(point));
-            let nearer = usize::from(squares[1] < squares[0]);
-            for which in [1 - nearer, nearer] {
-                if f64::from(squares[which] * MARGIN) <= best.nearest.squared_m2 {
-                    stack[height] = (children[which], squares[which]);
-                    height += 1;
+                // The nearest comes last, to be looked at first.
+                let (squared, mut place) = (squares[lane as usize], height);
+                while place > bottom && stack[place - 1].1 < squared {
+                    stack[place] = stack[place - 1];
+                    place -= 1;
                 }
+                stack[place] = (inner, squared);
+                height += 1;
             }
         }
     }
 }
 
+// Other than those of the standard library these need not heed what is no number.
+#[inline(always)]
+fn lesser(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+#[inline(always)]
+fn greater(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+fn fold(lanes: &Lanes, by: fn(f32, f32) -> f32) -> f32 {
+    lanes.iter().copied().reduce(by).unwrap_or_default()
+}
+
 impl Node {
-    /// How far its box is from a point, squared.
-    #[inline]
-    fn squared_m2(&self, point: [f32; 3]) -> f32 {
-        let mut sum = 0.0;
+    /// How far the boxes of its children are from a point, squared, and a little less, lest rounding hides one.
+    #[inline(always)]
+    fn squared_m2(&self, point: [f32; 3]) -> Lanes {
+        let mut sums = [0.0; WIDTH];
         for axis in 0..3 {
-            let away = (self.low[axis] - point[axis]).max(point[axis] - self.high[axis]).max(0.0);
-            sum += away * away;
+            let (low, high, at) = (&self.low[axis], &self.high[axis], point[axis]);
+            for lane in 0..WIDTH {
+                let away = greater(greater(low[lane] - at, at - high[lane]), 0.0);
+                sums[lane] += away * away;
+            }
         }
-        sum
+        sums.map(|sum| sum * MARGIN)
     }
 }

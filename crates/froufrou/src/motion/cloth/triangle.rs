@@ -17,28 +17,60 @@ pub(super) struct Nearest {
 #[inline]
 pub(super) fn nearest(point: DVec3, [a, b, c]: [DVec3; 3]) -> Nearest {
     let (ab, ac, ap) = (b - a, c - a, point - a);
-    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
     let (bb, bc, cc) = (ab.length_squared(), ab.dot(ac), ac.length_squared());
-    // Weights of b and c at the foot of the perpendicular, times the squared doubled area.
-    let (v, w) = (cc * d1 - bc * d2, bb * d2 - bc * d1);
-    let doubled = bb * cc - bc * bc;
-    let longest = bb.max(cc);
-    if v >= 0.0 && w >= 0.0 && v + w <= doubled && doubled > (FLATTEST * longest).powi(2) {
-        let (v, w) = (v / doubled, w / doubled);
+    // How far the point is ahead along both sides, seen from a; from b and c it is as far less.
+    let (along_b, along_c) = (ab.dot(ap), ac.dot(ap));
+    let (b_along_b, b_along_c) = (along_b - bb, along_c - bc);
+    let (c_along_b, c_along_c) = (along_b - bc, along_c - cc);
+    let at = |v: f64, w: f64| {
         let foot = ap - v * ab - w * ac;
-        return Nearest { weights: [1.0 - v - w, v, w], squared_m2: foot.length_squared() };
-    }
-    let along = |numerator: f64, square: f64| {
-        if square > 0.0 { (numerator / square).clamp(0.0, 1.0) } else { 0.0 }
+        Nearest { weights: [1.0 - v - w, v, w], squared_m2: foot.length_squared() }
     };
-    let on_ab = along(d1, bb);
-    let on_ac = along(d2, cc);
-    let (edge, bp) = (c - b, point - b);
-    let on_bc = along(edge.dot(bp), edge.length_squared());
+    if along_b <= 0.0 && along_c <= 0.0 {
+        return at(0.0, 0.0);
+    }
+    if b_along_b >= 0.0 && b_along_c <= b_along_b {
+        return at(1.0, 0.0);
+    }
+    if c_along_c >= 0.0 && c_along_b <= c_along_c {
+        return at(0.0, 1.0);
+    }
+    // The weights of c, b and a at the foot of the perpendicular, times the squared doubled area.
+    let for_c = along_b * b_along_c - b_along_b * along_c;
+    if for_c <= 0.0 && along_b >= 0.0 && b_along_b <= 0.0 {
+        return at(along_b / bb, 0.0);
+    }
+    let for_b = c_along_b * along_c - along_b * c_along_c;
+    if for_b <= 0.0 && along_c >= 0.0 && c_along_c <= 0.0 {
+        return at(0.0, along_c / cc);
+    }
+    let for_a = b_along_b * c_along_c - c_along_b * b_along_c;
+    let (from_b, from_c) = (b_along_c - b_along_b, c_along_b - c_along_c);
+    if for_a <= 0.0 && from_b >= 0.0 && from_c >= 0.0 {
+        let w = from_b / (from_b + from_c);
+        return at(1.0 - w, w);
+    }
+    let doubled = bb * cc - bc * bc;
+    if doubled > (FLATTEST * bb.max(cc)).powi(2) {
+        return at((cc * along_b - bc * along_c) / doubled, (bb * along_c - bc * along_b) / doubled);
+    }
+    sides(point, [a, b, c])
+}
+
+/// The closest point of the sides alone.
+#[cold]
+fn sides(point: DVec3, [a, b, c]: [DVec3; 3]) -> Nearest {
+    let on = |from: DVec3, to: DVec3| {
+        let (side, away) = (to - from, point - from);
+        let square = side.length_squared();
+        let along = if square > 0.0 { (side.dot(away) / square).clamp(0.0, 1.0) } else { 0.0 };
+        (along, (away - along * side).length_squared())
+    };
+    let (ab, bc, ca) = (on(a, b), on(b, c), on(c, a));
     let found = [
-        Nearest { weights: [1.0 - on_ab, on_ab, 0.0], squared_m2: (ap - on_ab * ab).length_squared() },
-        Nearest { weights: [1.0 - on_ac, 0.0, on_ac], squared_m2: (ap - on_ac * ac).length_squared() },
-        Nearest { weights: [0.0, 1.0 - on_bc, on_bc], squared_m2: (bp - on_bc * edge).length_squared() },
+        Nearest { weights: [1.0 - ab.0, ab.0, 0.0], squared_m2: ab.1 },
+        Nearest { weights: [0.0, 1.0 - bc.0, bc.0], squared_m2: bc.1 },
+        Nearest { weights: [ca.0, 0.0, 1.0 - ca.0], squared_m2: ca.1 },
     ];
     let nearer = |a: Nearest, b: Nearest| if b.squared_m2 < a.squared_m2 { b } else { a };
     nearer(nearer(found[0], found[1]), found[2])

@@ -127,8 +127,34 @@ fn what_lies_flat_does_not_chatter() {
     };
     assert_eq!(buckles([24; 2], 60.0, 1.0, BuckleSettings::default(), shaken), []);
     // Without the band it would.
-    let settings = BuckleSettings { flat_per_m: Some(1e-9), ..BuckleSettings::default() };
+    let settings = BuckleSettings { flat_per_m: Some(1e-9), blur_m: 0.0, ..BuckleSettings::default() };
     assert!(buckles([24; 2], 60.0, 1.0, settings, shaken).len() > 20);
+}
+
+#[test]
+fn trembling_finer_than_the_blur_hides_no_fold() {
+    // Each vertex of a fine mesh trembles by 20 µm while the sheet swings.
+    let random = crate::random::Random::new(3, 2);
+    let trembling = |time_s: f64, u: f64, v: f64| {
+        let [x, y, z] = standing(time_s, u, v);
+        let at = ((time_s * 60.0).round() * 1e4 + (u * 64.0).round() * 100.0 + (v * 64.0).round()) as u64;
+        [x, y, z + 2e-5 * (random.uniform(at) - 0.5)]
+    };
+    let strong = |blur_m: f64| {
+        let settings = BuckleSettings { blur_m, least_energy_mps: 0.2, ..BuckleSettings::default() };
+        let found = buckles([64; 2], 60.0, 1.4, settings, trembling);
+        found.iter().map(|b| (b.time_s, b.energy_mps)).collect::<Vec<_>>()
+    };
+    let (with, without) = (strong(0.02), strong(0.0));
+    let whole = buckles([32; 2], 60.0, 1.4, BuckleSettings::default(), standing);
+    assert_eq!(with.len(), whole.len(), "{with:?}");
+    for ((time_s, energy_mps), expected) in with.iter().zip(&whole) {
+        assert!(
+            (time_s - expected.time_s).abs() < 0.01 && close(*energy_mps, expected.energy_mps, 0.3),
+            "{with:?}"
+        );
+    }
+    assert_ne!(without.len(), whole.len(), "{without:?}");
 }
 
 #[test]

@@ -29,6 +29,32 @@ fn spheres_tubes_and_tori_are_met_within_a_percent() {
     assert!(sphere < 0.01 && tube < 0.01 && torus < 0.01, "{sphere} {tube} {torus}");
 }
 
+#[derive(serde::Deserialize)]
+struct Golden {
+    positions: Vec<[f32; 3]>,
+    corners: Vec<[u32; 3]>,
+    mean_per_m: Vec<f64>,
+    area_m2: Vec<f64>,
+}
+
+/// Against libigl; written by `oracles/curvature_golden.py`.
+#[test]
+fn crumpled_meshes_are_bent_as_libigl_says() {
+    let text = include_str!("../../../../tests/fixtures/cloth/curvature.json");
+    let meshes: Vec<Golden> = serde_json::from_str(text).expect("golden numbers");
+    assert_eq!(meshes.len(), 3);
+    for Golden { positions, corners, mean_per_m, area_m2 } in meshes {
+        let face_sizes = vec![3; corners.len()];
+        let (_, ours) = measured(&Mesh { positions, face_vertices: corners.concat(), face_sizes });
+        for (ours, theirs) in ours.mean_per_m().iter().zip(&mean_per_m) {
+            assert!((ours - theirs).abs() < 1e-9 * (1.0 + theirs.abs()), "{ours} {theirs}");
+        }
+        for (ours, theirs) in ours.area_m2().iter().zip(&area_m2) {
+            assert!((ours - theirs).abs() < 1e-12, "{ours} {theirs}");
+        }
+    }
+}
+
 #[test]
 fn seen_from_inside_the_sign_is_the_other() {
     let mut inside = shapes::sphere(1.0, 2);

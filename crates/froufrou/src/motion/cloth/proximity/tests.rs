@@ -11,7 +11,7 @@ fn things(meshes: &[Mesh]) -> Vec<Touchable> {
 
 fn follow(things: &mut [Touchable], time: f64) {
     for (thing, mesh) in things.iter_mut().zip(scene(time)) {
-        thing.follow(&mesh.positions);
+        thing.follow(&mesh.positions).expect("as many vertices");
     }
 }
 

@@ -15,7 +15,7 @@ fn run(settings: SlidingSettings, times: &[f64], place: impl Fn(f64) -> [Mesh; 2
     let mut told = Vec::new();
     for &time_s in times {
         for (object, mesh) in objects.iter_mut().zip(place(time_s)) {
-            object.follow(&mesh.positions);
+            object.follow(&mesh.positions).expect("as many vertices");
         }
         curvature.measure(objects[0].surface(), objects[0].positions());
         let contacts = proximity.contacts(&objects).to_vec();
