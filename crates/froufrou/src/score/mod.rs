@@ -112,6 +112,8 @@ pub enum Make {
     StickSlip,
     /// Air that is stirred.
     Turbulence,
+    /// A sheet that is stretched, blown at and whipped.
+    Membrane,
     /// A procedure that a script describes.
     Procedure {
         /// The script.
@@ -165,6 +167,7 @@ impl Make {
             Make::Needle => "needle",
             Make::StickSlip => "stick-slip",
             Make::Turbulence => "turbulence",
+            Make::Membrane => "membrane",
             Make::Procedure { .. } => "procedure",
             Make::Grains { .. } => "grains",
             Make::Cloth { .. } => "cloth",

@@ -126,6 +126,7 @@ pub(super) const KINDS: Keys = &[
     "needle",
     "stick-slip",
     "turbulence",
+    "membrane",
     "procedure",
     "cloth",
 ];
@@ -175,6 +176,7 @@ fn instrument(name: &str, node: &Node<'_, '_>, folder: &Folder) -> Result<Instru
             };
             Make::Cloth { corpus }
         }
+        "membrane" => Make::Membrane,
         "modes" => {
             let modes = Make::Modes { table: file("table")?, modes: modes(&table)? };
             if matches!(&modes, Make::Modes { table: None, modes } if modes.is_empty()) {
