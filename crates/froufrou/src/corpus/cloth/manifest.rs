@@ -345,4 +345,26 @@ anything = [1, 2, 3]
             assert!(error.contains(what), "{to}: {error}");
         }
     }
+
+    #[test]
+    fn damage_is_told_and_never_more() {
+        let check = |text: &str| {
+            if let Ok(manifest) = Manifest::parse(text, Path::new("corpus.toml")) {
+                // What is taken is as it has to be.
+                assert!(manifest.check().is_ok());
+                assert!(manifest.friction.iter().all(|friction| friction.bins <= 1000));
+            }
+        };
+        for at in 0..WHOLE.len() {
+            check(&WHOLE[..at]);
+            for byte in [b'0', b'9', b'-', b'"', b'[', b'\n', b'e', b'='] {
+                let mut damaged = WHOLE.as_bytes().to_vec();
+                damaged[at] = byte;
+                check(std::str::from_utf8(&damaged).unwrap());
+            }
+        }
+        for absurd in ["bins = 18446744073709551615", "bins = -6", "bins = 1e9", "bins = 6\nleast_clips = 0"] {
+            assert!(Manifest::parse(&WHOLE.replace("bins = 6", absurd), Path::new("corpus.toml")).is_err());
+        }
+    }
 }

@@ -288,4 +288,23 @@ mod tests {
         }
         assert!(Seams { times_s: vec![[2.0, 1.0]], ..Seams::default() }.check().is_err());
     }
+
+    #[test]
+    fn damaged_tracks_are_told_or_go_forwards() {
+        let text = "time_s,speed_mps\n0,0.5\n0.5,1.5e-1\n1,-2\n2.25,0\n".as_bytes();
+        let check = |text: &[u8]| {
+            if let Ok(Motion::Track(track)) = Motion::parse(text) {
+                assert!(track.iter().flatten().all(|number| number.is_finite()));
+                assert!(track.windows(2).all(|pair| pair[0][0] < pair[1][0] && pair[0][1] <= pair[1][1]));
+            }
+        };
+        for at in 0..text.len() {
+            check(&text[..at]);
+            for byte in 0..=255 {
+                let mut damaged = text.to_vec();
+                damaged[at] = byte;
+                check(&damaged);
+            }
+        }
+    }
 }
