@@ -1,8 +1,10 @@
 //! The `froufrou` command: animations in, soundtracks out.
 
 mod completions;
+mod concatenate;
 mod demo;
 mod events;
+mod features;
 mod file_kind;
 mod files;
 mod grains;
@@ -14,6 +16,7 @@ mod reaper;
 mod render;
 mod score;
 mod soundtrack;
+mod warp;
 
 use std::process::ExitCode;
 
@@ -46,6 +49,9 @@ enum Command {
     Info(info::Info),
     Plot(plot::Plot),
     Grains(grains::Grains),
+    Features(features::Features),
+    Warp(warp::Warp),
+    Concatenate(concatenate::Concatenate),
     Completions(completions::Completions),
     Man(completions::Man),
 }
@@ -60,6 +66,9 @@ fn main() -> ExitCode {
         Command::Info(command) => command.run(),
         Command::Plot(command) => command.run(),
         Command::Grains(command) => command.run(),
+        Command::Features(command) => command.run(),
+        Command::Warp(command) => command.run(),
+        Command::Concatenate(command) => command.run(),
         Command::Completions(command) => command.run(),
         Command::Man(command) => command.run(),
     };

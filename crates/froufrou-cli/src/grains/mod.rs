@@ -73,7 +73,7 @@ struct Sounding {
     json: bool,
 }
 
-fn format(text: &str) -> Result<SampleFormat, String> {
+pub fn format(text: &str) -> Result<SampleFormat, String> {
     text.parse().map_err(|error: Error| error.to_string())
 }
 
@@ -132,7 +132,7 @@ impl Sounding {
 }
 
 /// Writes what was found to the standard output.
-fn tell(value: &impl Serialize, sheet: &Sheet, json: bool) -> Result<()> {
+pub fn tell(value: &impl Serialize, sheet: &Sheet, json: bool) -> Result<()> {
     let text = if json {
         let text = serde_json::to_string_pretty(value);
         text.map_err(|fault| Error::new(format!("cannot write JSON: {fault}")).because(fault))? + "\n"

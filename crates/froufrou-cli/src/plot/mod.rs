@@ -2,6 +2,7 @@
 
 mod axis;
 mod canvas;
+mod clouds;
 mod colour;
 mod envelope;
 mod events;
@@ -19,6 +20,7 @@ use froufrou::corpus::recording::Recording;
 use froufrou::motion::event;
 use froufrou::{Error, Result};
 
+pub use self::clouds::{Cloud, clouds};
 pub use self::panel::PictureSize;
 pub use self::soundtrack::Soundtrack;
 use crate::file_kind::FileKind;

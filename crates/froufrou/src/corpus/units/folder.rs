@@ -19,15 +19,18 @@ mod manifest;
 
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
+
 use self::cache::{Cached, Stamps};
 use super::concatenation::{Sound, UnitPlace, place_of};
 use super::correspondences::Correspondence;
 use super::features::{Extractor, Features};
 use super::high_pass::HighPass;
-use super::selection::Index;
+use super::optimal::{self, Cost, optimal};
+use super::selection::{Chosen, Index, greedy};
 use super::settings::{Channels, Settings};
 use super::smoothing::smooth;
-use super::warp::{Basis, Clip};
+use super::warp::{Basis, Clip, Warp};
 use crate::corpus::dictionary::prepare;
 use crate::corpus::recording::Recording;
 use crate::error::{Error, Place, Result};
@@ -77,6 +80,19 @@ pub struct Target {
     pub channels: usize,
 }
 
+/// What was chosen for a lane of a target.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Selected {
+    /// A unit for each of the lane.
+    pub chosen: Vec<Chosen>,
+    /// What they cost.
+    pub cost: Cost,
+    /// What the greedy selection costs.
+    pub greedy_cost: Cost,
+    /// How many do not follow the one before.
+    pub jumps: usize,
+}
+
 impl Corpus {
     /// Opens a corpus, and computes what its cache lacks.
     ///
@@ -98,9 +114,9 @@ impl Corpus {
         let extractor = Extractor::new(&settings.features, rate_hz)?;
         let (mut recordings, mut plain) = (Vec::with_capacity(names.len()), Vec::new());
         for (done, (name, stamp)) in names.iter().zip(&hashes).enumerate() {
-            let mut told =
-                |is_new: bool| progress(Progress { name, done, total: names.len(), is_new });
-            let (cached, features) = cache::load(folder, name, stamp, &settings, rate_hz, &extractor, &mut told)?;
+            let mut told = |is_new: bool| progress(Progress { name, done, total: names.len(), is_new });
+            let (cached, features) =
+                cache::load(folder, name, stamp, &settings, rate_hz, &extractor, &mut told)?;
             recordings.push(cached);
             plain.push(features);
         }
@@ -139,7 +155,14 @@ impl Corpus {
                 starts.push(values.len() / dimensions);
             }
         }
-        Ok(Self { settings, rate_hz, recordings, streams, starts, features: Features::new(dimensions, values) })
+        Ok(Self {
+            settings,
+            rate_hz,
+            recordings,
+            streams,
+            starts,
+            features: Features::new(dimensions, values),
+        })
     }
 
     /// Its table `[units]`.
@@ -206,14 +229,17 @@ impl Corpus {
         let channels = recording.channels.len();
         let own = self.recordings.first().map_or(0, |recording| recording.channels);
         if self.settings.features.channels == Channels::Joint && channels != own {
-            return Err(Error::new(format!("the target has {channels} channels, the corpus's recordings have {own}"))
-                .help("the corpus has channels that belong together, as for two ears"));
+            return Err(Error::new(format!(
+                "the target has {channels} channels, the corpus's recordings have {own}"
+            ))
+            .help("the corpus has channels that belong together, as for two ears"));
         }
         let extractor = Extractor::new(&self.settings.features, self.rate_hz)?;
         let mut frames = 0;
         let mut lanes = Vec::with_capacity(channels);
         for channel in recording.channels {
-            let sound = prepared(channel, recording.rate_hz, self.rate_hz, self.settings.features.high_pass_hz)?;
+            let sound =
+                prepared(channel, recording.rate_hz, self.rate_hz, self.settings.features.high_pass_hz)?;
             frames = sound.len();
             lanes.push(extractor.features(&sound));
         }
@@ -247,13 +273,16 @@ impl Corpus {
         };
         let beyond = |what: &str, from_s: f64, units: usize| {
             let (to_s, length_s) = (from_s + pair.duration_s, units as f64 * unit_s);
-            at(format!("the clip from {from_s} to {to_s} s is not within {what}, which lasts {length_s:.3} s"))
+            at(format!(
+                "the clip from {from_s} to {to_s} s is not within {what}, which lasts {length_s:.3} s"
+            ))
         };
         let from = first(pair.target_s);
         if from.saturating_add(count) > lane.len() {
             return Err(beyond("the target", pair.target_s, lane.len()));
         }
-        let recording = self.find(&pair.recording).map_err(|e| e.at(Place::Line { line: pair.line, column: 0 }))?;
+        let recording =
+            self.find(&pair.recording).map_err(|e| e.at(Place::Line { line: pair.line, column: 0 }))?;
         let wanted = Stream { recording, channel: (!is_joint).then_some(pair.source_channel) };
         let stream = self.streams.iter().position(|stream| *stream == wanted).ok_or_else(|| {
             let channels = self.recordings[recording].channels;
@@ -272,6 +301,57 @@ impl Corpus {
             from: rows(lane, from),
             to: rows(&self.features, start + to),
         })
+    }
+
+    /// Chooses units for a target, for each of its lanes. Without a warp, features are compared as they are.
+    ///
+    /// # Errors
+    /// Those of [`greedy`], and a warp of other dimensions.
+    pub fn select(&self, target: &Target, warp: Option<&Warp>, best: bool) -> Result<Vec<Selected>> {
+        let index = self.index()?;
+        let identity = Warp::identity(self.features.dimensions());
+        let warp = warp.unwrap_or(&identity);
+        let selection = &self.settings.selection;
+        let lanes: Vec<Result<Selected>> = target
+            .lanes
+            .par_iter()
+            .map(|lane| {
+                let warped = warp.apply_all(lane)?;
+                let (chosen, cost, greedy_cost) = match best {
+                    true => {
+                        let found = optimal(&index, &warped, selection)?;
+                        (found.chosen, found.cost, found.greedy_cost)
+                    }
+                    false => {
+                        let chosen = greedy(&index, &warped, selection)?;
+                        let cost = optimal::cost(&index, &chosen, selection);
+                        (chosen, cost, cost)
+                    }
+                };
+                let jumps =
+                    chosen.windows(2).filter(|pair| !index.follows(pair[0].unit, pair[1].unit)).count();
+                Ok(Selected { chosen, cost, greedy_cost, jumps })
+            })
+            .collect();
+        lanes.into_iter().collect()
+    }
+
+    /// Whether a warp is of features such as this corpus has.
+    ///
+    /// # Errors
+    /// Names the first difference.
+    pub fn check_basis(&self, basis: &Basis) -> Result<()> {
+        let own = self.basis();
+        let differs = if own.rate_hz != basis.rate_hz {
+            format!("a rate of {} Hz, the corpus has {} Hz", basis.rate_hz, own.rate_hz)
+        } else if own.widths != basis.widths {
+            format!("widths {:?}, the corpus has {:?}", basis.widths, own.widths)
+        } else if own.features != basis.features {
+            "units and features that are not those of the corpus".to_owned()
+        } else {
+            return Ok(());
+        };
+        Err(Error::new(format!("the warp was fitted to {differs}")).help("fit it again with this corpus"))
     }
 
     /// The recording that is called so: by its name, the end of it, or what no other has in its name.
@@ -313,6 +393,14 @@ impl Sound for Corpus {
         let Stream { recording, channel: own } = self.streams[stream];
         self.recordings[recording].read(own.unwrap_or(channel), from, samples)
     }
+}
+
+/// A folder as it is called from a corpus, which need not be there yet.
+///
+/// # Errors
+/// Where the working folder cannot be told.
+pub fn relative(folder: &Path, corpus: &Path) -> Result<String> {
+    crate::corpus::dictionary::builder::scan::relative(folder, corpus)
 }
 
 /// One channel at a rate, after the high-pass.

@@ -49,7 +49,8 @@ pub fn suggest(
 ) -> Result<Vec<Suggestion>> {
     let d = source.dimensions();
     if let Some(lane) = target.iter().find(|lane| lane.dimensions() != d) {
-        let what = format!("the target's features have {} dimensions, the recordings' {d}", lane.dimensions());
+        let what =
+            format!("the target's features have {} dimensions, the recordings' {d}", lane.dimensions());
         return Err(Error::new(what));
     }
     let all: Vec<&[f32]> = target.iter().flat_map(Features::rows).collect();
@@ -119,7 +120,8 @@ impl Clusters {
         let mut centres = far_apart(&scaled, d, count);
         let mut counts = Vec::new();
         for _ in 0..ROUNDS {
-            let nearest: Vec<usize> = scaled.par_chunks_exact(d).map(|row| nearest(&centres, row).0).collect();
+            let nearest: Vec<usize> =
+                scaled.par_chunks_exact(d).map(|row| nearest(&centres, row).0).collect();
             let mut sums = vec![0.0; centres.len()];
             counts = vec![0.0; centres.len() / d];
             for (row, &cluster) in scaled.chunks_exact(d).zip(&nearest) {
@@ -269,7 +271,9 @@ mod tests {
         let target = Features::new(3, values);
         let found = suggest(&[target.clone()], &source, &[6000], 24, 30).unwrap();
         assert!((found.iter().map(|s| s.share).sum::<f64>() - 1.0).abs() < 1e-9);
-        let flat = |of: &dyn Fn(&Suggestion) -> &Vec<f64>| found.iter().flat_map(|s| of(s).clone()).collect::<Vec<_>>();
+        let flat = |of: &dyn Fn(&Suggestion) -> &Vec<f64>| {
+            found.iter().flat_map(|s| of(s).clone()).collect::<Vec<_>>()
+        };
         let warp = Warp::fit(3, &flat(&|s| &s.from), &flat(&|s| &s.to), 1.0).unwrap();
         let warped = warp.apply_all(&target).unwrap();
         let plain: Vec<f64> = source.values().iter().map(|v| f64::from(*v)).collect();

@@ -146,7 +146,8 @@ pub(super) fn load(
     let text = toml::to_string(&settings.features);
     let text = text.map_err(|e| Error::new(format!("cannot write TOML: {e}")).because(e))?;
     let (rate, high_pass) = (rate_hz.to_string(), settings.features.high_pass_hz.to_string());
-    let key = |pieces: &[&str]| packed::hash(&pieces.iter().map(|piece| piece.as_bytes()).collect::<Vec<_>>());
+    let key =
+        |pieces: &[&str]| packed::hash(&pieces.iter().map(|piece| piece.as_bytes()).collect::<Vec<_>>());
     let in_cache = |name: String| folder.join(CACHE).join(name);
     let sound_path = in_cache(format!("{}.filtered", key(&[SOUND, &stamp.hash, &rate, &high_pass])));
     let features_path = in_cache(format!("{}.units", key(&[FEATURES, &stamp.hash, &rate, &text])));

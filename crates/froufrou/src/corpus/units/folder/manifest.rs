@@ -102,7 +102,8 @@ pub(super) fn names(folder: &Path, settings: &Settings) -> Result<Vec<String>> {
         let prefix = if entry == "." { String::new() } else { format!("{}/", entry.trim_end_matches('/')) };
         let found = scan::names(&lies, folder)?;
         // What other kinds of corpora keep beside their recordings.
-        let is_kept = |name: &String| prefix.is_empty() && ["cache/", "store/"].iter().any(|p| name.starts_with(p));
+        let is_kept =
+            |name: &String| prefix.is_empty() && ["cache/", "store/"].iter().any(|p| name.starts_with(p));
         names.extend(found.into_iter().filter(|name| !is_kept(name)).map(|name| format!("{prefix}{name}")));
     }
     names.sort();

@@ -49,7 +49,10 @@ fn a_corpus_is_computed_once_and_read_again() {
     assert_eq!(anew, [false, false]);
     assert_eq!(first.features(), again.features());
     assert_eq!(again.stream_units(), [60_000usize.div_ceil(202), 33_333usize.div_ceil(202)]);
-    assert_eq!(again.recordings().map(|(name, _)| name).collect::<Vec<_>>(), ["takes/one.wav", "takes/two.wav"]);
+    assert_eq!(
+        again.recordings().map(|(name, _)| name).collect::<Vec<_>>(),
+        ["takes/one.wav", "takes/two.wav"]
+    );
     assert_eq!(again.at(298).0, "takes/two.wav");
     // Other features are computed anew, the sound is not.
     let mut settings = settings(folder.path()).unwrap();
@@ -102,7 +105,8 @@ fn a_target_that_is_a_recording_is_made_of_it() {
 #[test]
 fn channels_that_belong_together_are_one_stream() {
     let folder = tempfile::tempdir().unwrap();
-    let stereo: Vec<f32> = noise(1, 20_000).into_iter().zip(noise(2, 20_000)).flat_map(|(a, b)| [a, b]).collect();
+    let stereo: Vec<f32> =
+        noise(1, 20_000).into_iter().zip(noise(2, 20_000)).flat_map(|(a, b)| [a, b]).collect();
     wav(&folder.path().join("both.wav"), 2, &stereo);
     let mut settings = Settings::preset("windbreaker first-person").unwrap();
     create(folder.path(), &settings).unwrap();
@@ -129,8 +133,7 @@ fn channels_that_belong_together_are_one_stream() {
 fn clips_are_found_and_faults_told_by_line() {
     let folder = corpus(&|_| {});
     let (corpus, _) = open(folder.path());
-    let target =
-        corpus.target(Recording { rate_hz: RATE_HZ, channels: vec![noise(5, 48_000)] }).unwrap();
+    let target = corpus.target(Recording { rate_hz: RATE_HZ, channels: vec![noise(5, 48_000)] }).unwrap();
     let clips = |row: &str| {
         let text = format!("target_s,recording,source_s,duration_s,source_channel,target_channel\n{row}\n");
         corpus.clips(&target, &correspondences::parse(text.as_bytes()).unwrap())
