@@ -1,9 +1,11 @@
 //! The `froufrou` command: animations in, soundtracks out.
 
 mod completions;
+mod concatenate;
 mod corpus;
 mod demo;
 mod events;
+mod features;
 mod file_kind;
 mod files;
 mod grains;
@@ -15,6 +17,7 @@ mod reaper;
 mod render;
 mod score;
 mod soundtrack;
+mod warp;
 
 use std::process::ExitCode;
 
@@ -48,6 +51,9 @@ enum Command {
     Plot(plot::Plot),
     Grains(grains::Grains),
     Corpus(corpus::Corpus),
+    Features(features::Features),
+    Warp(warp::Warp),
+    Concatenate(concatenate::Concatenate),
     Completions(completions::Completions),
     Man(completions::Man),
 }
@@ -63,6 +69,9 @@ fn main() -> ExitCode {
         Command::Plot(command) => command.run(),
         Command::Grains(command) => command.run(),
         Command::Corpus(command) => command.run(),
+        Command::Features(command) => command.run(),
+        Command::Warp(command) => command.run(),
+        Command::Concatenate(command) => command.run(),
         Command::Completions(command) => command.run(),
         Command::Man(command) => command.run(),
     };

@@ -69,7 +69,7 @@ struct Sounding {
     json: bool,
 }
 
-fn format(text: &str) -> Result<SampleFormat, String> {
+pub fn format(text: &str) -> Result<SampleFormat, String> {
     text.parse().map_err(|error: Error| error.to_string())
 }
 

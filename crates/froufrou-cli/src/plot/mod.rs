@@ -3,6 +3,7 @@
 mod axis;
 mod canvas;
 pub mod cloth;
+mod clouds;
 mod colour;
 mod envelope;
 mod events;
@@ -20,6 +21,7 @@ use froufrou::corpus::recording::Recording;
 use froufrou::motion::event;
 use froufrou::{Error, Result};
 
+pub use self::clouds::{Cloud, clouds};
 pub use self::panel::PictureSize;
 pub use self::soundtrack::Soundtrack;
 use crate::file_kind::FileKind;

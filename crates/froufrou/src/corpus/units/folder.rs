@@ -19,15 +19,18 @@ mod manifest;
 
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
+
 use self::cache::{Cached, Stamps};
 use super::concatenation::{Sound, UnitPlace, place_of};
 use super::correspondences::Correspondence;
 use super::features::{Extractor, Features};
 use super::high_pass::HighPass;
-use super::selection::Index;
+use super::optimal::{self, Cost, optimal};
+use super::selection::{Chosen, Index, greedy};
 use super::settings::{Channels, Settings};
 use super::smoothing::smooth;
-use super::warp::{Basis, Clip};
+use super::warp::{Basis, Clip, Warp};
 use crate::corpus::dictionary::prepare;
 use crate::corpus::recording::Recording;
 use crate::error::{Error, Place, Result};
@@ -75,6 +78,19 @@ pub struct Target {
     pub frames: usize,
     /// How many channels it has.
     pub channels: usize,
+}
+
+/// What was chosen for a lane of a target.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Selected {
+    /// A unit for each of the lane.
+    pub chosen: Vec<Chosen>,
+    /// What they cost.
+    pub cost: Cost,
+    /// What the greedy selection costs.
+    pub greedy_cost: Cost,
+    /// How many do not follow the one before.
+    pub jumps: usize,
 }
 
 impl Corpus {
@@ -287,6 +303,57 @@ impl Corpus {
         })
     }
 
+    /// Chooses units for a target, for each of its lanes. Without a warp, features are compared as they are.
+    ///
+    /// # Errors
+    /// Those of [`greedy`], and a warp of other dimensions.
+    pub fn select(&self, target: &Target, warp: Option<&Warp>, best: bool) -> Result<Vec<Selected>> {
+        let index = self.index()?;
+        let identity = Warp::identity(self.features.dimensions());
+        let warp = warp.unwrap_or(&identity);
+        let selection = &self.settings.selection;
+        let lanes: Vec<Result<Selected>> = target
+            .lanes
+            .par_iter()
+            .map(|lane| {
+                let warped = warp.apply_all(lane)?;
+                let (chosen, cost, greedy_cost) = match best {
+                    true => {
+                        let found = optimal(&index, &warped, selection)?;
+                        (found.chosen, found.cost, found.greedy_cost)
+                    }
+                    false => {
+                        let chosen = greedy(&index, &warped, selection)?;
+                        let cost = optimal::cost(&index, &chosen, selection);
+                        (chosen, cost, cost)
+                    }
+                };
+                let jumps =
+                    chosen.windows(2).filter(|pair| !index.follows(pair[0].unit, pair[1].unit)).count();
+                Ok(Selected { chosen, cost, greedy_cost, jumps })
+            })
+            .collect();
+        lanes.into_iter().collect()
+    }
+
+    /// Whether a warp is of features such as this corpus has.
+    ///
+    /// # Errors
+    /// Names the first difference.
+    pub fn check_basis(&self, basis: &Basis) -> Result<()> {
+        let own = self.basis();
+        let differs = if own.rate_hz != basis.rate_hz {
+            format!("a rate of {} Hz, the corpus has {} Hz", basis.rate_hz, own.rate_hz)
+        } else if own.widths != basis.widths {
+            format!("widths {:?}, the corpus has {:?}", basis.widths, own.widths)
+        } else if own.features != basis.features {
+            "units and features that are not those of the corpus".to_owned()
+        } else {
+            return Ok(());
+        };
+        Err(Error::new(format!("the warp was fitted to {differs}")).help("fit it again with this corpus"))
+    }
+
     /// The recording that is called so: by its name, the end of it, or what no other has in its name.
     fn find(&self, wanted: &str) -> Result<usize> {
         let named = |test: &dyn Fn(&str) -> bool| -> Vec<usize> {
@@ -326,6 +393,14 @@ impl Sound for Corpus {
         let Stream { recording, channel: own } = self.streams[stream];
         self.recordings[recording].read(own.unwrap_or(channel), from, samples)
     }
+}
+
+/// A folder as it is called from a corpus, which need not be there yet.
+///
+/// # Errors
+/// Where the working folder cannot be told.
+pub fn relative(folder: &Path, corpus: &Path) -> Result<String> {
+    crate::corpus::dictionary::builder::scan::relative(folder, corpus)
 }
 
 /// One channel at a rate, after the high-pass.
