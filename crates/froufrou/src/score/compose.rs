@@ -327,15 +327,11 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                 composer.foresight_s = retarget::LONGEST_LEAD_S;
             }
         }
-        if composer
-            .facts
-            .values()
-            .any(|facts| facts.cloth.as_ref().is_some_and(|cloth| !cloth.pops().is_empty()))
-        {
-            let energies = buckle_energies(scene, world)?;
-            composer.wardrobe = Wardrobe::new(&composer, &energies)?;
-            composer.foresight_s = composer.foresight_s.max(composer.wardrobe.longest_lead_s());
-        }
+        let mut cloths = composer.facts.values().filter_map(|facts| facts.cloth.as_ref());
+        let pops = cloths.any(|cloth| !cloth.pops().is_empty());
+        let energies = if pops { buckle_energies(scene, world)? } else { BTreeMap::new() };
+        composer.wardrobe = Wardrobe::new(&composer, &energies)?;
+        composer.foresight_s = composer.foresight_s.max(composer.wardrobe.longest_lead_s());
         let grains = scene.materials.iter().filter_map(|material| material.grains.as_ref());
         for shader in grains.filter_map(|grains| grains.shader.as_ref()) {
             if !composer.shaders.contains_key(&shader.name) {

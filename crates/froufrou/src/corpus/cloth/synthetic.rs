@@ -145,7 +145,7 @@ const CLOTHS: [Cloth; 4] = [
     Cloth {
         name: "windbreaker",
         yarns: Yarns {
-            spacing_m: 0.15e-3,
+            spacing_m: 0.2e-3,
             catch_m: 5e-6,
             regularity: 0.8,
             falls: 1.2,
