@@ -359,7 +359,7 @@ impl Analyser {
         });
         self.events.extend(buckles);
         while let Some(sliding) = cloth.slides.next_sliding() {
-            self.events.extend(cloth.gather.events(&sliding, &name).into_iter().map(Event::Friction));
+            self.events.extend(cloth.gather.events(&sliding, name).into_iter().map(Event::Friction));
             self.slidings.push_back(sliding);
         }
     }
