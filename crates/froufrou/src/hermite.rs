@@ -15,8 +15,8 @@ pub(crate) fn end_slope(near: f64, far: f64, secant_near: f64, secant_far: f64) 
 /// Slope at a key between two others such that between keys nothing rises or falls beyond them (Fritsch and Butland
 /// 1984: a weighted harmonic mean of the secants, and 0 at a turn).
 pub(crate) fn monotone_slope(left: f64, right: f64, secant_left: f64, secant_right: f64) -> f64 {
-    let turns = !(secant_left > 0.0 && secant_right > 0.0) && !(secant_left < 0.0 && secant_right < 0.0);
-    if turns {
+    let goes_on = (secant_left > 0.0 && secant_right > 0.0) || (secant_left < 0.0 && secant_right < 0.0);
+    if !goes_on {
         return 0.0;
     }
     let (from_left, from_right) = (2.0 * right + left, right + 2.0 * left);

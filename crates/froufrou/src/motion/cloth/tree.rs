@@ -271,8 +271,7 @@ impl Node {
     #[inline(always)]
     fn squared_m2(&self, point: [f32; 3]) -> Lanes {
         let mut sums = [0.0; WIDTH];
-        for axis in 0..3 {
-            let (low, high, at) = (&self.low[axis], &self.high[axis], point[axis]);
+        for ((low, high), at) in self.low.iter().zip(&self.high).zip(point) {
             for lane in 0..WIDTH {
                 let away = greater(greater(low[lane] - at, at - high[lane]), 0.0);
                 sums[lane] += away * away;

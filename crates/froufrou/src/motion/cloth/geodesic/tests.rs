@@ -6,10 +6,10 @@ fn all_ways(surface: &Triangulation, positions: &[[f32; 3]]) -> Vec<Vec<f64>> {
     let count = surface.vertex_count();
     let place = |v: usize| DVec3::from(positions[v].map(f64::from));
     let mut ways = vec![vec![f64::INFINITY; count]; count];
-    for v in 0..count {
-        ways[v][v] = 0.0;
+    for (v, row) in ways.iter_mut().enumerate() {
+        row[v] = 0.0;
         for &w in surface.ring(v as u32) {
-            ways[v][w as usize] = place(v).distance(place(w as usize));
+            row[w as usize] = place(v).distance(place(w as usize));
         }
     }
     for middle in 0..count {
