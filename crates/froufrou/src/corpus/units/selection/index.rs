@@ -1,8 +1,8 @@
 //! A tree of all units of the recordings.
 //!
 //! A unit's window, the features of it and of the L units after it, is summed up by its *outline*: the unit's own
-//! features, and the means of segments of the rest: of single units, but where a window has very many numbers. For a
-//! segment of h units Σ ‖a_k‖ ≥ h ‖mean a_k‖, so distances of outlines are never more than those of windows. The tree halves units by
+//! features, and the means of a few segments of the rest. For a segment of h units Σ ‖a_k‖ ≥ h ‖mean a_k‖, so distances
+//! of outlines are never more than those of windows; and as features are smooth, not much less. The tree halves units by
 //! the number of the outline that spreads widest. Each of its nodes has a box around its outlines, and each leaf has the
 //! outlines of up to [`LANES`] units side by side.
 
@@ -16,8 +16,8 @@ use crate::error::{Error, Result};
 pub(super) const LANES: usize = 16;
 
 /// How many numbers an outline should have at most, and how many units a segment.
-const OUTLINE: usize = 72;
-const SEGMENT: usize = 1;
+const OUTLINE: usize = 16;
+const SEGMENT: usize = 5;
 
 /// How many of many units tell which number spreads widest.
 const SAMPLE: usize = 512;
@@ -40,6 +40,8 @@ pub struct Index {
     pub(super) outlines: Vec<f32>,
     /// Of each node the lowest of each number, then the highest; the children of node n are 2n + 1 and 2n + 2.
     pub(super) boxes: Vec<f32>,
+    /// Whether all units of a node have the same window.
+    alike: Vec<bool>,
     /// The largest number of all, regardless of its sign.
     pub(super) largest: f32,
 }
@@ -94,6 +96,7 @@ impl Index {
             leaf_starts: Vec::new(),
             outlines: Vec::new(),
             boxes: Vec::new(),
+            alike: Vec::new(),
             largest,
         };
         index.grow();
@@ -165,17 +168,20 @@ impl Index {
     /// Where all units of a node have the same window: where they begin and end in the order of leaves, in which they come
     /// as they are numbered. So it is with silence, of which there may be much.
     pub(super) fn alike(&self, node: usize) -> Option<std::ops::Range<usize>> {
-        let numbers = self.outline_numbers();
-        let (lowest, highest) = self.boxes[node * 2 * numbers..][..2 * numbers].split_at(numbers);
-        if lowest != highest || self.segments.iter().any(|(_, length)| *length > 1) {
+        if !self.alike[node] {
             return None;
         }
+        Some(self.range(node))
+    }
+
+    /// Where the units of a node begin and end in the order of leaves.
+    fn range(&self, node: usize) -> std::ops::Range<usize> {
         let (mut first, mut last) = (node, node);
         while first < self.leaves() - 1 {
             (first, last) = (2 * first + 1, 2 * last + 2);
         }
         let leaf = |node: usize| node + 1 - self.leaves();
-        Some(self.leaf_starts[leaf(first)] as usize..self.leaf_starts[leaf(last) + 1] as usize)
+        self.leaf_starts[leaf(first)] as usize..self.leaf_starts[leaf(last) + 1] as usize
     }
 
     fn grow(&mut self) {
@@ -224,6 +230,25 @@ impl Index {
         }
         order.par_iter_mut().for_each(|unit| *unit = self.row_of(*unit as usize) as u32);
         (self.order, self.leaf_starts) = (order, leaf_starts);
+        self.alike = self.find_alike();
+    }
+
+    fn find_alike(&self) -> Vec<bool> {
+        let (leaves, d) = (self.leaves(), self.dimensions);
+        let window = |row: u32| &self.rows[row as usize * d..][..(self.look_ahead + 1) * d];
+        let in_leaf = |leaf: usize| {
+            let rows = &self.order[self.range(leaf + leaves - 1)];
+            rows.len() > 1 && rows.iter().all(|row| window(*row) == window(rows[0]))
+        };
+        let leaf: Vec<bool> = (0..leaves).into_par_iter().map(in_leaf).collect();
+        let mut alike = vec![false; leaves - 1];
+        alike.extend(leaf);
+        for node in (0..leaves - 1).rev() {
+            let first = |child: usize| window(self.order[self.range(child).start]);
+            let (left, right) = (2 * node + 1, 2 * node + 2);
+            alike[node] = alike[left] && alike[right] && first(left) == first(right);
+        }
+        alike
     }
 
     fn all_outlines(&self) -> Vec<f32> {
