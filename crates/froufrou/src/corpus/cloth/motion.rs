@@ -245,7 +245,7 @@ mod tests {
     #[test]
     fn noise_on_the_encoder_gives_no_pulses() {
         let random = crate::random::Random::new(2, 2);
-        let pulse = |n: u32| if (n / 100) % 2 == 0 { 0.0 } else { 1.0 };
+        let pulse = |n: u32| if (n / 100).is_multiple_of(2) { 0.0 } else { 1.0 };
         let noisy: Vec<f32> =
             (0..48_000).map(|n| pulse(n) + 0.1 * (random.uniform(u64::from(n)) as f32 - 0.5)).collect();
         let Motion::Track(track) = Motion::from_pulses(&noisy, 48_000.0, 100.0).unwrap() else { panic!() };

@@ -160,7 +160,7 @@ impl SelectionSettings {
                 return Err(fault(key, format!("is {value}, expected at most {MOST_UNITS}")));
             }
         }
-        if !(self.d_max >= 0.0) {
+        if self.d_max.is_nan() || self.d_max < 0.0 {
             return Err(fault("d_max", format!("is {}, expected 0 or more", self.d_max)));
         }
         if !(self.jump_cost >= 0.0 && self.jump_cost.is_finite()) {
@@ -297,7 +297,8 @@ mod tests {
             change(&mut settings);
             settings.check().unwrap_err().to_string()
         };
-        let cases: [(&dyn Fn(&mut Settings), &str); 11] = [
+        type Change<'a> = &'a dyn Fn(&mut Settings);
+        let cases: [(Change<'_>, &str); 11] = [
             (&|s| s.widths = vec![1.0], "units: widths: has 1 widths, expected one for each of 3"),
             (&|s| s.widths = vec![1.0, f64::NAN, 2.0], "has NaN"),
             (&|s| s.lambda = -1.0, "lambda"),

@@ -269,7 +269,7 @@ mod tests {
         let moved = |v: &f32, k: usize| [0.3, 2.0, 1.0][k] * v + [-8.0, 4.0, 0.5][k];
         let values = other.values().iter().enumerate().map(|(i, v)| moved(v, i % 3)).collect();
         let target = Features::new(3, values);
-        let found = suggest(&[target.clone()], &source, &[6000], 24, 30).unwrap();
+        let found = suggest(std::slice::from_ref(&target), &source, &[6000], 24, 30).unwrap();
         assert!((found.iter().map(|s| s.share).sum::<f64>() - 1.0).abs() < 1e-9);
         let flat = |of: &dyn Fn(&Suggestion) -> &Vec<f64>| {
             found.iter().flat_map(|s| of(s).clone()).collect::<Vec<_>>()
@@ -292,12 +292,12 @@ mod tests {
     #[test]
     fn clips_stay_within_streams_and_few_units_are_enough() {
         let source = wandering(3, 40, 2, 0.0, 0.0);
-        for suggestion in suggest(&[source.clone()], &source, &[25, 15], 6, 10).unwrap() {
+        for suggestion in suggest(std::slice::from_ref(&source), &source, &[25, 15], 6, 10).unwrap() {
             let start = suggestion.source;
             assert!(start + 10 <= 25 || (25..=30).contains(&start), "{start}");
         }
         let one = Features::new(2, vec![1.0, 2.0]);
-        let found = suggest(&[one.clone()], &source, &[40], 5, 30).unwrap();
+        let found = suggest(std::slice::from_ref(&one), &source, &[40], 5, 30).unwrap();
         assert_eq!((found.len(), &found[0].from), (1, &vec![1.0, 2.0]));
         assert!(suggest(&[], &source, &[40], 5, 30).is_err());
         assert!(suggest(&[Features::new(3, vec![0.0; 3])], &source, &[40], 5, 30).is_err());

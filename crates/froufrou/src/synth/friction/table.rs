@@ -179,7 +179,7 @@ impl SpeedHistogram {
     /// All points of a part join.
     pub fn add_part(&mut self, table: &FrictionTable, part: &Part) {
         let weight = part.level * part.level;
-        if !(part.spread > 0.0) {
+        if part.spread.is_nan() || part.spread <= 0.0 {
             self.add(table, part.speed_mps, weight);
             return;
         }
@@ -216,7 +216,7 @@ impl SpeedHistogram {
     /// of the whole; speed and spread of each are those of its points. Nothing where nothing is heard.
     pub fn parts(&self, table: &FrictionTable, count: usize) -> Vec<Part> {
         let whole = self.power(table);
-        if !(whole > 0.0) || count == 0 {
+        if whole.is_nan() || whole <= 0.0 || count == 0 {
             return Vec::new();
         }
         let share = whole / count as f64;

@@ -45,9 +45,9 @@ fn a_blow_rings_as_the_closed_form_says() {
     for rate_hz in [44_100.0, 96_000.0] {
         let made = sound(&parameters, rate_hz, 0.3, [&|_| tension, &|_| 0.0], &[strike]);
         let mut frequencies = Vec::new();
-        for m in [1.0, 3.0, 5.0, 7.0, 9.0, 11.0] {
+        for m in [1.0f64, 3.0, 5.0, 7.0, 9.0, 11.0] {
             for n in [1.0, 3.0, 5.0, 7.0, 9.0f64] {
-                let f: f64 = 0.5 * (tension / density * ((m / a).powi(2) + (n / b).powi(2)) as f64).sqrt();
+                let f: f64 = 0.5 * (tension / density * ((m / a).powi(2) + (n / b).powi(2))).sqrt();
                 frequencies.push((f, m, n));
             }
         }
@@ -82,7 +82,7 @@ fn air_stirs_it_as_loud_as_the_model_says() {
         let mut modes = Vec::new();
         for m in (1..60).step_by(2).map(f64::from) {
             for n in (1..60).step_by(2).map(f64::from) {
-                let f: f64 = 0.5 * (tension / density * ((m / a).powi(2) + (n / b).powi(2)) as f64).sqrt();
+                let f: f64 = 0.5 * (tension / density * ((m / a).powi(2) + (n / b).powi(2))).sqrt();
                 modes.push((f, m * n));
             }
         }
