@@ -363,7 +363,8 @@ anything = [1, 2, 3]
                 check(std::str::from_utf8(&damaged).unwrap());
             }
         }
-        for absurd in ["bins = 18446744073709551615", "bins = -6", "bins = 1e9", "bins = 6\nleast_clips = 0"] {
+        for absurd in ["bins = 18446744073709551615", "bins = -6", "bins = 1e9", "bins = 6\nleast_clips = 0"]
+        {
             assert!(Manifest::parse(&WHOLE.replace("bins = 6", absurd), Path::new("corpus.toml")).is_err());
         }
     }
