@@ -5,12 +5,11 @@
 use std::io::Cursor;
 
 use froufrou::motion::contacts::LogEvents;
-use froufrou::motion::event;
 use froufrou::scene::asset::Asset;
 use froufrou::scene::contact_log::{ContactColumns, ContactLog, Push, UpAxis};
 use froufrou::scene::file::Contacts;
 use froufrou::scene::world::RigidBodies;
-use froufrou_fuzz::{target, with_file};
+use froufrou_fuzz::{target, walk_events, with_file};
 
 /// The columns of the seeds: those that all must have, or all that there may be.
 fn columns(all: bool) -> ContactColumns {
@@ -49,13 +48,7 @@ target!(|bytes| {
             for step_s in [None, Some(0.001)] {
                 let contacts = Contacts { log: log.clone(), columns: columns.clone(), step_s, gravity_mps2: [0.0, -9.81, 0.0] };
                 let Ok(events) = LogEvents::open(&contacts, RigidBodies::default()) else { continue };
-                let mut last_s = f64::NEG_INFINITY;
-                for event in events {
-                    let Ok(found) = event else { break };
-                    assert!(found.time_s() >= last_s, "{found:?} goes back from {last_s}");
-                    last_s = found.time_s();
-                    event::write(&mut std::io::sink(), &found).expect("an event that can be written");
-                }
+                walk_events(events);
             }
         });
     }

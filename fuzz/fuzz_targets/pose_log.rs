@@ -2,11 +2,10 @@
 #![no_main]
 
 use froufrou::motion::contacts::LogEvents;
-use froufrou::motion::event;
 use froufrou::scene::Scene;
 use froufrou::scene::pose_log::{PoseColumns, PoseLog};
 use froufrou::scene::world::{RigidBodies, World};
-use froufrou_fuzz::{target, walk_animation};
+use froufrou_fuzz::{target, walk_animation, walk_events};
 
 /// A body on the ground at ten times a second, of a simulation at a thousand.
 const CONTACTS: &str = "t,a,b,x,y,z,F,nx,ny,nz\n0.1,b,g,0,0,0,9,0,1,0\n0.2,b,g,0,0,0,9,0,1,0\n\
@@ -34,11 +33,5 @@ target!(|bytes| {
     let Ok(scene) = Scene::parse(SCENE, folder.path().join("scene.toml"), false) else { return };
     let Ok(world) = World::open(&scene) else { return };
     let Ok(events) = LogEvents::open(&scene.contacts[0], RigidBodies::of(&scene, &world)) else { return };
-    let mut last_s = f64::NEG_INFINITY;
-    for event in events {
-        let Ok(found) = event else { break };
-        assert!(found.time_s() >= last_s, "{found:?} goes back from {last_s}");
-        last_s = found.time_s();
-        event::write(&mut std::io::sink(), &found).expect("an event that can be written");
-    }
+    walk_events(events);
 });

@@ -31,6 +31,7 @@ pub use guard::{begin, guarded};
 pub use libfuzzer_sys::fuzz_target;
 
 use froufrou::corpus::recording::Recording;
+use froufrou::motion::event::{self, Event};
 
 /// Makes the entry point of a target from a closure of `&[u8]`.
 #[macro_export]
@@ -53,6 +54,16 @@ pub fn with_file<T>(bytes: &[u8], extension: &str, run: impl FnOnce(&Path) -> T)
         .expect("a temporary file");
     file.write_all(bytes).expect("room for a temporary file");
     run(file.path())
+}
+
+/// Checks of events that they come in order of time and can be written, up to the first fault.
+pub fn walk_events(events: impl Iterator<Item = froufrou::Result<Event>>) {
+    let mut last_s = f64::NEG_INFINITY;
+    for found in events.map_while(Result::ok) {
+        assert!(found.time_s() >= last_s, "{found:?} goes back from {last_s}");
+        last_s = found.time_s();
+        event::write(&mut std::io::sink(), &found).expect("an event that can be written");
+    }
 }
 
 /// Decodes an audio file and checks what every recording promises.

@@ -2,6 +2,7 @@
 
 use froufrou::motion::Event;
 use froufrou::motion::event::{Cause, Impact, Rub};
+use froufrou::motion::rub::Rubbing;
 use froufrou_rapier::Listener;
 use rapier3d::prelude::*;
 
@@ -51,7 +52,7 @@ impl Stage {
 }
 
 fn impacts(events: &[Event]) -> Vec<&Impact> {
-    events.iter().filter_map(|e| if let Event::Impact(impact) = e { Some(impact) } else { None }).collect()
+    events.iter().filter_map(Event::impact).collect()
 }
 
 fn ball(restitution: f64) -> ColliderBuilder {
@@ -101,20 +102,15 @@ fn a_ball_bounces_when_and_as_hard_as_it_must() {
         }
         // All that stopped it: m (v + v' + v' + ...) at every bounce, which is m (1 + e) v at each.
         println!("{rate_hz} Hz: {} impacts, worst {worst_steps:.2} steps a bounce", impacts.len());
-        assert!(events.iter().all(|e| matches!(e, Event::Impact(_))), "nothing rubs");
+        assert!(events.iter().all(|e| e.impact().is_some()), "nothing rubs");
     }
 }
 
 fn moments(events: &[Event], from_s: f64) -> (Vec<&Rub>, Vec<&Rub>) {
-    let mut found = (Vec::new(), Vec::new());
-    for event in events.iter().filter(|event| event.time_s() > from_s) {
-        match event {
-            Event::Slide(rub) => found.0.push(rub),
-            Event::Roll(rub) => found.1.push(rub),
-            Event::Impact(_) => {}
-        }
-    }
-    found
+    let late = events.iter().filter(|event| event.time_s() > from_s).filter_map(Event::rub);
+    let (slides, rolls): (Vec<_>, Vec<_>) = late.partition(|(how, _)| *how == Rubbing::Slide);
+    let rubs = |moments: Vec<(Rubbing, _)>| moments.into_iter().map(|(_, rub)| rub).collect();
+    (rubs(slides), rubs(rolls))
 }
 
 #[test]

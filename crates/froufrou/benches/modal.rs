@@ -13,6 +13,7 @@ use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
 use froufrou::random::Random;
 use froufrou::synth::instrument::{Generator, Instrument, Ramp, Stretch, Strike, stretch_samples};
+use froufrou::synth::membrane::Membrane;
 use froufrou::synth::modal::{Mode, Modes, Shape};
 use froufrou::synth::needle::Needle;
 use froufrou::synth::stick_slip::StickSlip;
@@ -113,6 +114,11 @@ fn needle(bencher: Bencher, speed: f64) {
 #[divan::bench(args = [0.1, 1.0])]
 fn stick_slip(bencher: Bencher, speed: f64) {
     slide(bencher, &StickSlip::new(&[]).expect("a body"), speed);
+}
+
+#[divan::bench(args = [8.0, 24.0])]
+fn membrane(bencher: Bencher, modes: f64) {
+    slide(bencher, &Membrane::new(&[("modes".to_owned(), modes)]).expect("a sheet"), 5.0);
 }
 
 #[divan::bench(args = [0.0, 0.1])]

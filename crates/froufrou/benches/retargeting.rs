@@ -7,6 +7,7 @@
 //! `items/s` counts impacts, or contact-seconds: with 1000 contacts, more than 1000 of them a second is faster than real
 //! time. Mixing uses all cores, unless `DIVAN_THREADS` or `RAYON_NUM_THREADS` says otherwise.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use divan::counter::ItemsCount;
@@ -14,12 +15,13 @@ use divan::{Bencher, black_box};
 use froufrou::corpus::dictionary::{Action, Dictionary, Example, Settings};
 use froufrou::corpus::grains::Contact;
 use froufrou::random::Random;
+use froufrou::render::offline::{self, Extent};
 use froufrou::score::retarget::{Course, Play, Repertoire, Stream};
-use froufrou::score::{self, Arrival, ChannelLine, Cue, Start, Statement, Verb};
+use froufrou::score::{self, Arrival, ChannelLine, Cue, Header, Order, Output, Start, Statement, Verb};
 use froufrou::synth::grains::Grains;
 use froufrou::synth::instrument::{GrainStart, Instrument, Stretch, stretch_samples};
 use froufrou::synth::mixer::{Mixer, Sounding};
-use froufrou::synth::receivers::Receiver;
+use froufrou::synth::receivers;
 
 fn main() {
     divan::main();
@@ -119,19 +121,21 @@ fn choosing_for_a_second(bencher: Bencher, contacts: u64) {
     });
 }
 
-/// Contacts that slide and move, told 60 times a second, mixed for a second in two channels.
+/// Contacts that slide and move, told 60 times a second, mixed for a second as one head hears them, on all cores.
 #[divan::bench(args = [100, 1000], sample_count = 3)]
-fn mixing_contacts_for_a_second(bencher: Bencher, contacts: u64) {
-    mix(bencher, contacts, Receiver::plain(2), 2);
+fn mixing_contacts_for_a_second_on_a_head(bencher: Bencher, contacts: u64) {
+    let ears = ["left".to_owned(), "right".to_owned()];
+    mix(bencher, contacts, vec![Output::Head { ears, head: None, shared: true }]);
 }
 
-/// The same in one channel.
-#[divan::bench(args = [1000], sample_count = 3)]
-fn mixing_contacts_for_a_second_in_mono(bencher: Bencher, contacts: u64) {
-    mix(bencher, contacts, Receiver::plain(1), 1);
+/// The same for two microphones.
+#[divan::bench(args = [100, 1000], sample_count = 3)]
+fn mixing_contacts_for_a_second_in_stereo(bencher: Bencher, contacts: u64) {
+    mix(bencher, contacts, ["left", "right"].map(|name| Output::Channel(name.to_owned())).into());
 }
 
-fn mix(bencher: Bencher, contacts: u64, receivers: Vec<Receiver>, channels: usize) {
+fn mix(bencher: Bencher, contacts: u64, outputs: Vec<Output>) {
+    let has_places = outputs.iter().any(|output| matches!(output, Output::Head { .. }));
     let repertoire = repertoire(RATE_HZ);
     let sound = Sounding::Instrument(Arc::new(Grains::new(repertoire.dictionary().clone())));
     let mut lines: Vec<(f64, u8, ChannelLine)> = Vec::new();
@@ -141,8 +145,15 @@ fn mix(bencher: Bencher, contacts: u64, receivers: Vec<Receiver>, channels: usiz
         for frame in 0..=72u32 {
             let time_s = f64::from(frame) / 60.0;
             let phase = thread as f64 * 0.37 + time_s * (2 + thread % 7) as f64;
-            let arrive = |side: usize| Arrival::new(0.01, 0.03 + 0.005 * (phase + 0.2 * side as f64).sin());
-            let value: Vec<Arrival> = (0..channels).map(arrive).collect();
+            let arrive = |side: usize| {
+                let distance_m = 10.0 + 1.7 * (phase + 0.2 * side as f64).sin();
+                let from_m = [distance_m * phase.cos(), 0.0, distance_m * phase.sin()];
+                Arrival {
+                    from_m: has_places.then_some(from_m),
+                    ..Arrival::new(0.1 / distance_m, distance_m / 343.0)
+                }
+            };
+            let value: Vec<Arrival> = (0..outputs.len()).map(arrive).collect();
             let verb = match frame {
                 0 => Verb::Start(Start::new("wood")),
                 72 => Verb::End,
@@ -158,13 +169,19 @@ fn mix(bencher: Bencher, contacts: u64, receivers: Vec<Receiver>, channels: usiz
         lines.extend(cues);
     }
     lines.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.2.thread().cmp(&b.2.thread())).then(a.1.cmp(&b.1)));
-    bencher.counter(ItemsCount::new(contacts)).bench(|| {
-        let lines: Vec<_> = lines.iter().map(|(_, _, line)| Ok(line.clone())).collect();
-        let sounds = [("wood".to_string(), sound.clone())];
-        let mut mixer = Mixer::new(RATE_HZ, receivers.clone(), sounds, lines.into_iter()).expect("a score");
-        mixer.read_to(52_800).expect("lines");
-        for block in 0..47 {
-            black_box(mixer.voices().render(4_000 + block * 1024, 1024, false));
-        }
+    let lines: Vec<ChannelLine> = lines.into_iter().map(|(_, _, line)| line).collect();
+    let header = Header::new(Order::Time, outputs);
+    let channels = header.receivers.iter().map(|output| output.channels().len()).sum();
+    let receivers = receivers::load(&header, Path::new(""), RATE_HZ).expect("receivers");
+    let extent = Extent { rate_hz: RATE_HZ, from_s: 0.1, to_s: Some(1.1), duration_s: None };
+    bencher.counter(ItemsCount::new(contacts)).with_inputs(|| lines.clone()).bench_local_values(|lines| {
+        let sounds = [("wood".to_owned(), sound.clone())];
+        let lines = lines.into_iter().map(Ok);
+        let mut mixer = Mixer::new(RATE_HZ, receivers.clone(), sounds, lines).expect("a score");
+        offline::render(&mut mixer, channels, &extent, false, |piece| {
+            black_box(piece.mix);
+            Ok(())
+        })
+        .expect("a second")
     });
 }

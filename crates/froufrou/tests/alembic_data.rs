@@ -1,11 +1,13 @@
 //! The simulated test animations against samples of what the C++ library reads from them, kept in
 //! `fixtures/alembic/data` (written by `oracles/alembic_golden.py`).
 //!
-//! The animations themselves are not in the repository: they are sought in `$FROUFROU_DATA/anim`,
-//! else in `../shared/data/anim` beside it, and what is missing is skipped aloud. Every vertex of
-//! every frame is compared by `oracles/alembic_compare.py`.
+//! The animations themselves are not in the repository. Every vertex of every frame is compared by `oracles/alembic_compare.py`.
+
+mod data;
 
 use std::path::{Path, PathBuf};
+
+use data::data;
 
 use froufrou::scene::alembic::Alembic;
 use froufrou::scene::animation::{Animation, Mesh, ObjectKind, Topology};
@@ -27,14 +29,7 @@ struct Golden {
 
 /// The test animation of a name, where the data are.
 fn archive(name: &str) -> Option<PathBuf> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let data = std::env::var_os("FROUFROU_DATA").map_or_else(beside, PathBuf::from);
-    let path = data.join("anim").join(name).with_extension("abc");
-    if !path.exists() {
-        eprintln!("skipped: there is no {} (set FROUFROU_DATA to the folder of test data)", path.display());
-        return None;
-    }
-    Some(path)
+    data(&format!("anim/{name}.abc"))
 }
 
 fn compare(name: &str) {

@@ -50,8 +50,12 @@ fn slide(seed: u64) -> Vec<f32> {
 }
 
 fn wav(path: &Path, rate_hz: u32, samples: &[f32]) {
+    wav_of(SampleFormat::Int16, path, rate_hz, samples);
+}
+
+fn wav_of(kind: SampleFormat, path: &Path, rate_hz: u32, samples: &[f32]) {
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    let format = WavFormat { rate_hz, channels: 1, samples: SampleFormat::Int16, seed: 0, first_frame: 0 };
+    let format = WavFormat { rate_hz, channels: 1, samples: kind, seed: 0, first_frame: 0 };
     let mut writer = WavWriter::create(path, format).unwrap();
     writer.write(samples).unwrap();
     writer.finish().unwrap();
@@ -394,6 +398,32 @@ fn grains_that_are_alike_share_their_sound() {
     let settings = Some(Settings { share_from: 1.5, ..Settings::default() });
     let apart = built(path, "apart", &Options { settings, ..Options::default() });
     assert_eq!(apart.manifest.weight.shared_grains, 0);
+}
+
+#[test]
+fn what_reaches_beyond_full_scale_is_whole_and_may_be_shared() {
+    let folder = studio();
+    let path = folder.path();
+    let louder: Vec<f32> = hits(1).iter().map(|v| 7.0 * v).collect();
+    assert!(louder.iter().fold(0.0f32, |peak, v| peak.max(v.abs())) > 2.0);
+    wav_of(SampleFormat::Float32, &path.join("sounds/hits/louder.wav"), RATE_HZ, &louder);
+    let storages = [
+        Storage::Flac,
+        Storage::None,
+        #[cfg(feature = "vorbis")]
+        Storage::Vorbis,
+    ];
+    for storage in storages {
+        let corpus = format!("{storage:?}");
+        let built = built(path, &corpus, &Options { storage: Some(storage), ..Options::default() });
+        let dictionary = Dictionary::open(&path.join(&corpus)).unwrap();
+        let number = dictionary.recordings().iter().position(|r| r.name == "hits/louder.wav").unwrap();
+        assert!(built.manifest.recording[number].halvings > 0);
+        assert!(built.manifest.weight.shared_grains > 0 || storage == Storage::None);
+        let error = error_db(&dictionary.sound(number), &louder);
+        println!("{storage:?}: {error:.1} dB");
+        assert!(error < if storage == Storage::Vorbis { -8.0 } else { -35.0 }, "{storage:?}: {error} dB");
+    }
 }
 
 #[cfg(feature = "vorbis")]

@@ -1,9 +1,11 @@
 //! Rolling neither drones nor repeats: no period of its envelope and no line of its spectrum that the recordings lack.
 
+mod data;
+
 use std::f64::consts::TAU;
-use std::path::PathBuf;
 use std::sync::Arc;
 
+use data::data;
 use froufrou::corpus::dictionary::{Action, Dictionary, Example, Settings};
 use froufrou::corpus::grains::Contact;
 use froufrou::corpus::recording::Recording;
@@ -123,15 +125,7 @@ fn rough_noise_with_a_hum_does_not_drone() {
 
 #[test]
 fn real_recordings_do_not_drone() {
-    let folder = std::env::var_os("FROUFROU_DATA").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
-        PathBuf::from,
-    );
-    let folder = folder.join("audio/sonniss_gdc_bundle3");
-    if !folder.is_dir() {
-        eprintln!("skipped: no recordings in {}; set FROUFROU_DATA", folder.display());
-        return;
-    }
+    let Some(folder) = data("audio/sonniss_gdc_bundle3") else { return };
     for name in [
         "Marbles_Handling_Marbles_02",
         "Metal_Metal_Metal_Tube_Rolling_On_Metal_Bars_U87",

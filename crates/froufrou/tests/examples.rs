@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use froufrou::motion::event::Event;
+use froufrou::motion::rub::Rubbing;
 use froufrou::render::production::Production;
 use froufrou::scene::Scene;
 use froufrou::score::{Action, Arrival, ChannelLine, ObjectLine, Start, Verb};
@@ -77,11 +78,8 @@ fn the_log_of_the_physics_engine_holds_what_the_readme_says() {
     let production = open("collisions");
     let events: Vec<_> = production.events().unwrap().map(|event| event.unwrap()).collect();
     let at = |a: &str, b: &str| -> Vec<f64> {
-        let of = |event: &Event| match event {
-            Event::Impact(i) => (i.a.starts_with(a) && i.b.starts_with(b)).then_some(i.time_s),
-            Event::Slide(_) | Event::Roll(_) => None,
-        };
-        events.iter().filter_map(of).collect()
+        let impacts = events.iter().filter_map(Event::impact);
+        impacts.filter(|i| i.a.starts_with(a) && i.b.starts_with(b)).map(|i| i.time_s).collect()
     };
     let near = |times: &[f64], time: f64| times.iter().any(|t| (t - time).abs() < 0.01);
     assert!(near(&at("ball", "ramp"), 0.14) && near(&at("ball", "ramp"), 0.18));
@@ -91,12 +89,10 @@ fn the_log_of_the_physics_engine_holds_what_the_readme_says() {
     assert!(at("brick", "brick").iter().all(|&t| t < 0.035) && at("", "").len() < 40);
     // The ball rolls and the block slides; what rests, does neither.
     let share = |a: &str, b: &str, rolls: bool| {
-        let of_pair = |event: &&Event| match event {
-            Event::Slide(rub) | Event::Roll(rub) => rub.a == a && rub.b == b && rub.time_s > 0.2,
-            Event::Impact(_) => false,
-        };
-        let all: Vec<&Event> = events.iter().filter(of_pair).collect();
-        let alike = all.iter().filter(|event| matches!(event, Event::Roll(_)) == rolls).count();
+        let rubs = events.iter().filter_map(Event::rub);
+        let of_pair = rubs.filter(|(_, rub)| rub.a == a && rub.b == b && rub.time_s > 0.2);
+        let all: Vec<Rubbing> = of_pair.map(|(how, _)| how).collect();
+        let alike = all.iter().filter(|how| (**how == Rubbing::Roll) == rolls).count();
         alike as f64 / all.len() as f64
     };
     assert!(share("ball", "ramp", true) > 0.95 && share("block_slide", "ramp", false) > 0.99);

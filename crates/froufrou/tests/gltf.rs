@@ -1,10 +1,13 @@
 //! glTF files against a numpy reading of the specification (`oracles/gltf_golden.py`): small ones made
 //! for it in `fixtures/gltf`, and two of the Khronos samples.
 //!
-//! The samples themselves are not in the repository: they are sought in `$FROUFROU_DATA/anim`, else in
-//! `../shared/data/anim` beside it, and what is missing is skipped aloud.
+//! The samples themselves are not in the repository.
+
+mod data;
 
 use std::path::{Path, PathBuf};
+
+use data::data;
 
 use froufrou::scene::animation::{Animation, KeyTimes, Mesh, ObjectKind, Topology};
 use froufrou::scene::gltf::Gltf;
@@ -125,13 +128,7 @@ fn primitives_of_every_mode_make_one_mesh() {
 }
 
 fn sample(file: &str, every: usize) {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let data = std::env::var_os("FROUFROU_DATA").map_or_else(beside, PathBuf::from);
-    let path = data.join("anim").join(file);
-    if !path.exists() {
-        eprintln!("skipped: there is no {} (set FROUFROU_DATA to the folder of test data)", path.display());
-        return;
-    }
+    let Some(path) = data(&format!("anim/{file}")) else { return };
     compare(&path, &golden(&format!("data/{file}")), every);
 }
 

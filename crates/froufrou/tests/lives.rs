@@ -1,26 +1,19 @@
 //! The life of contacts in a simulated scene: a ball that rolls down a ramp and hits a stack of bricks, a block that
 //! slides, a coin that spins down. What is found is held against the poses, and thinned logs against the whole one.
 
+mod data;
+
 use std::collections::BTreeMap;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use data::data;
 use froufrou::motion::Event;
 use froufrou::motion::event::{Impact, Rub};
+use froufrou::motion::rub::Rubbing;
 use froufrou::scene::Scene;
 use froufrou::scene::world::World;
 use froufrou::score::compose::Events;
-
-/// The folder of test data, which is not part of the repository.
-fn data() -> Option<PathBuf> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let folder = std::env::var_os("FROUFROU_DATA").map_or_else(beside, Into::into).join("contacts");
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("SKIPPED: no test data at {} (set FROUFROU_DATA)", folder.display());
-    None
-}
 
 fn text_of(path: &Path) -> String {
     let mut text = String::new();
@@ -94,23 +87,19 @@ type Rubs<'e> = BTreeMap<(&'e str, &'e str), Vec<(bool, &'e Rub)>>;
 fn rubs(events: &[Event]) -> Rubs<'_> {
     let mut found = Rubs::new();
     for event in events {
-        let (rolls, rub) = match event {
-            Event::Impact(_) => continue,
-            Event::Slide(rub) => (false, rub),
-            Event::Roll(rub) => (true, rub),
-        };
-        found.entry((&rub.a, &rub.b)).or_default().push((rolls, rub));
+        let Some((how, rub)) = event.rub() else { continue };
+        found.entry((&rub.a, &rub.b)).or_default().push((how == Rubbing::Roll, rub));
     }
     found
 }
 
 fn impacts(events: &[Event]) -> Vec<&Impact> {
-    events.iter().filter_map(|e| if let Event::Impact(impact) = e { Some(impact) } else { None }).collect()
+    events.iter().filter_map(Event::impact).collect()
 }
 
 #[test]
 fn a_ball_rolls_a_block_slides_and_bricks_rest() {
-    let Some(data) = data() else { return };
+    let Some(data) = data("contacts") else { return };
     let events = events(&data, 1, SCENE);
     let rubs = rubs(&events);
     let ball = velocities(&data, "ball");
@@ -154,7 +143,7 @@ fn in_the_stack(events: &[Event]) -> usize {
 
 #[test]
 fn a_stack_rests_in_silence_and_a_coin_comes_to_rest() {
-    let Some(data) = data() else { return };
+    let Some(data) = data("contacts") else { return };
     for every in [1, 16, 32] {
         let events = events(&data, every, SCENE);
         assert_eq!(in_the_stack(&events), 0);
@@ -175,7 +164,7 @@ fn a_stack_rests_in_silence_and_a_coin_comes_to_rest() {
 
 #[test]
 fn impacts_know_their_speeds_and_places_on_both() {
-    let Some(data) = data() else { return };
+    let Some(data) = data("contacts") else { return };
     let events = events(&data, 1, SCENE);
     let hits = impacts(&events);
     let hit = hits.iter().find(|hit| hit.a == "ball" && hit.b == "ramp").expect("a hit");
@@ -193,7 +182,7 @@ fn impacts_know_their_speeds_and_places_on_both() {
 /// that loud.
 #[test]
 fn thinned_logs_tell_the_same_events() {
-    let Some(data) = data() else { return };
+    let Some(data) = data("contacts") else { return };
     let whole = events(&data, 1, SCENE);
     let whole = impacts(&whole);
     for (every, floor_ns, time_s, share) in [(16, 0.1, 0.001, 0.13), (32, 0.25, 0.004, 0.13)] {
@@ -238,7 +227,7 @@ fn thinned_logs_tell_the_same_events() {
 
 #[test]
 fn a_thinned_log_without_poses_is_read_as_before() {
-    let Some(data) = data() else { return };
+    let Some(data) = data("contacts") else { return };
     let without = SCENE.replace("source = \"poses.csv#*\"\nup = \"z\"", "");
     let events = events(&data, 16, &without);
     // Of the slides of a log that has sliding velocities nothing is lost.

@@ -1,11 +1,13 @@
 //! Voices that pass long filters: whichever part of a soundtrack is asked for, in whatever blocks and on however
 //! many cores, it has the same bits; and they are what convolution by definition gives.
 
+mod data;
 mod studio;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use data::data;
 use froufrou::random::Random;
 use froufrou::render::offline::{self, Extent};
 use froufrou::score::{Action, Arrival, ChannelLine, Cue, Header, Order, Output, Start, Statement, Verb};
@@ -22,11 +24,8 @@ const RATE_HZ: u32 = 48_000;
 
 /// The measured head of the test data, or a small set of our own.
 fn measured() -> PathBuf {
-    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let data =
-        std::env::var_os("FROUFROU_DATA").map_or_else(|| here.join("../../../shared/data"), PathBuf::from);
-    let file = data.join("hrtf/MIT_KEMAR_normal_pinna.sofa");
-    if file.exists() { file } else { here.join("tests/fixtures/head/sphere.sofa") }
+    let own = || Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/head/sphere.sofa");
+    data("hrtf/MIT_KEMAR_normal_pinna.sofa").unwrap_or_else(own)
 }
 
 fn head(file: Option<PathBuf>) -> Receiver {

@@ -1,7 +1,8 @@
 //! Files of modes: what is in them, what is wrong with them, and what is left of them when damaged.
 
-use std::path::{Path, PathBuf};
+mod data;
 
+use data::data;
 use froufrou::synth::modal::{MOST_MODES, Shape, table};
 use proptest::prelude::*;
 
@@ -65,14 +66,9 @@ fn materials_of_tdw_are_read() {
 /// Every material there is, where the real ones are at hand.
 #[test]
 fn all_measured_materials_are_read() {
-    let data = std::env::var_os("FROUFROU_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let Ok(folder) = data.join("modal/material_data").read_dir() else {
-        eprintln!("skipped: no measured modes in {}", data.display());
-        return;
-    };
+    let Some(folder) = data("modal/material_data") else { return };
     let mut count = 0;
-    for file in folder {
+    for file in folder.read_dir().unwrap() {
         let path = file.unwrap().path();
         let modes = table::open(&path).unwrap();
         assert!(modes.modes().len() >= 10, "{}", path.display());

@@ -1,10 +1,12 @@
 //! The tower from Blender and the log of the physics engine, as real recordings of wood and stone sound where they are there,
 //! and as the synthetic ones of the examples where they are not.
 
+mod data;
 mod studio;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
+use data::data;
 use froufrou::corpus::dictionary::builder::{self, Options};
 use froufrou::render::production::Production;
 use froufrou::scene::Scene;
@@ -15,17 +17,6 @@ const RATE_HZ: u32 = 44_100;
 
 fn examples() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../examples")
-}
-
-/// The folder of real recordings, which are not part of the repository.
-fn data() -> Option<PathBuf> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let folder = std::env::var_os("FROUFROU_DATA").map_or_else(beside, Into::into).join("audio");
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("no real recordings at {} (set FROUFROU_DATA): synthetic ones instead", folder.display());
-    None
 }
 
 /// What bodies do, and recordings of it.
@@ -42,7 +33,7 @@ fn workshop(example: &str, corpora: &[(&str, Recordings<'_>)]) -> Studio {
         }
     }
     for (corpus, actions) in corpora {
-        let recordings = match data() {
+        let recordings = match data("audio") {
             Some(data) => {
                 for (action, names) in *actions {
                     let to = studio.path(&format!("recordings/{corpus}/{action}"));

@@ -1,9 +1,12 @@
 //! Recordings of every kind against the closed form of the sound they hold (see
 //! `oracles/recording_fixtures.py`), and against damage.
 
+mod data;
+
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
+use data::data;
 use froufrou::corpus::recording::Recording;
 use proptest::prelude::*;
 
@@ -329,19 +332,10 @@ proptest! {
     }
 }
 
-/// Where the shared recordings lie: `FROUFROU_DATA`, or the folder beside the workspace.
-fn shared_data() -> PathBuf {
-    std::env::var_os("FROUFROU_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from)
-}
-
 #[test]
 fn the_shared_recordings_are_as_their_index_says() {
-    let folder = shared_data().join("audio");
-    let Ok(index) = std::fs::read_to_string(folder.join("INDEX.tsv")) else {
-        eprintln!("SKIPPED: no shared recordings in {}; set FROUFROU_DATA", folder.display());
-        return;
-    };
+    let Some(folder) = data("audio") else { return };
+    let index = std::fs::read_to_string(folder.join("INDEX.tsv")).unwrap();
     let mut lines = index.lines();
     let head: Vec<&str> = lines.next().unwrap().split('\t').collect();
     let column = |name: &str| head.iter().position(|h| *h == name).unwrap();

@@ -181,6 +181,13 @@ fn a_shader_makes_one_impact_two_and_slides_higher() {
     let at = |from_s: f64, sound: &[f64]| energy(sound, from_s, from_s + 0.05);
     assert!(at(0.455, &shaded) > 20.0 * at(0.455, &plain), "the second hit");
     assert_eq!(energy(&shaded, 1.05, 2.0), 0.0, "a shader may silence what slides");
+    // Each grain waits longer than any moment of the contact is told of ahead.
+    studio.file("twice.rhai", "fn slide(force, speed) { wait(0.15); }\n");
+    let waiting = studio.scene(&scene(", shader = 'twice.rhai'"), Take::at(RATE_HZ)).unwrap().channel(0);
+    for from_s in [1.0, 1.3, 1.6] {
+        assert!(energy(&waiting, from_s, from_s + 0.4) > 0.0, "grains at {from_s} s");
+    }
+    assert!(at(1.0, &waiting) + at(1.05, &waiting) == 0.0, "it waits");
     let fault = |script: &str| {
         studio.file("twice.rhai", script);
         studio

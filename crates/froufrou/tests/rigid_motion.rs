@@ -1,13 +1,13 @@
 //! Contacts that are found from motion alone, in what simulations made: a ball that rolls down a ramp into a tower of
 //! boxes (Blender, 24 frames a second), and PyBullet's poses against PyBullet's own contact log.
-//!
-//! The data are sought in `$FROUFROU_DATA`, else in `../shared/data` beside the repository, and what is missing is
-//! skipped aloud.
+
+mod data;
 
 use std::collections::BTreeMap;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use data::data;
 use froufrou::Result;
 use froufrou::motion::event::{Event, Impact, Rub};
 use froufrou::motion::rigid::{Analyser, Body, Kind, Shape};
@@ -16,16 +16,6 @@ use froufrou::scene::Scene;
 use froufrou::scene::animation::Transform;
 use froufrou::scene::world::{RigidBodies, World};
 use froufrou::score::compose::Events;
-
-fn data(name: &str) -> Option<PathBuf> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let path = std::env::var_os("FROUFROU_DATA").map_or_else(beside, PathBuf::from).join(name);
-    if !path.exists() {
-        eprintln!("skipped: there is no {} (set FROUFROU_DATA to the folder of test data)", path.display());
-        return None;
-    }
-    Some(path)
-}
 
 const TOWER: &str = "
 [material.wood]
@@ -61,13 +51,7 @@ fn scene(text: &str) -> Option<(Scene, World)> {
 }
 
 fn impacts(events: &[Event]) -> Vec<&Impact> {
-    let mut impacts = Vec::new();
-    for event in events {
-        if let Event::Impact(impact) = event {
-            impacts.push(impact);
-        }
-    }
-    impacts
+    events.iter().filter_map(Event::impact).collect()
 }
 
 fn of<'a>(events: &'a [Event], a: &str, b: &str) -> Vec<&'a Event> {

@@ -1,22 +1,10 @@
 //! Real recordings as sinusoids and residual, against sms-tools (`oracles/sms_compare.py`).
 
-use std::path::PathBuf;
+mod data;
 
+use data::data;
 use froufrou::corpus::recording::Recording;
 use froufrou::corpus::spectral::SpectralModel;
-
-fn data() -> Option<PathBuf> {
-    let folder = std::env::var_os("FROUFROU_DATA").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
-        PathBuf::from,
-    );
-    let folder = folder.join("audio");
-    if !folder.is_dir() {
-        eprintln!("skipped: no recordings in {}; set FROUFROU_DATA", folder.display());
-        return None;
-    }
-    Some(folder)
-}
 
 fn energy(samples: &[f32]) -> f64 {
     samples.iter().map(|&v| f64::from(v).powi(2)).sum()
@@ -24,7 +12,7 @@ fn energy(samples: &[f32]) -> f64 {
 
 #[test]
 fn no_more_sinusoids_than_sms_tools_leave_no_more_residual() {
-    let Some(folder) = data() else { return };
+    let Some(folder) = data("audio") else { return };
     let table = include_str!("fixtures/sms_residuals.tsv");
     for row in table.lines().skip(1) {
         let [name, hop, count, residual_db, _] = row.split('\t').collect::<Vec<_>>()[..] else {

@@ -2,9 +2,11 @@
 //!
 //! They are sought as in `alembic_data.rs`, and what is missing is skipped aloud.
 
-use std::path::Path;
+mod data;
+
 use std::sync::Arc;
 
+use data::data;
 use froufrou::Result;
 use froufrou::scene::animation::{Animation, Mesh, ObjectKind, Topology, Transform};
 use froufrou::scene::world::open_animation;
@@ -41,13 +43,7 @@ impl Surface for Object {
 }
 
 fn trace(name: &str) {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let data = std::env::var_os("FROUFROU_DATA").map_or_else(beside, Into::into);
-    let path = data.join("anim").join(name).with_extension("abc");
-    if !path.exists() {
-        eprintln!("skipped: there is no {} (set FROUFROU_DATA to the folder of test data)", path.display());
-        return;
-    }
+    let Some(path) = data(&format!("anim/{name}.abc")) else { return };
     let animation = open_animation(&path).expect("a sound archive");
     let objects = animation.objects();
     let meshes: Vec<usize> = (0..objects.len()).filter(|&i| objects[i].kind == ObjectKind::Mesh).collect();

@@ -64,10 +64,6 @@ struct Sounding {
     #[arg(long, value_name = "BITS", default_value = "24", value_parser = format)]
     format: SampleFormat,
 
-    /// Leave out the grains of the recording itself
-    #[arg(long)]
-    without_own: bool,
-
     /// Write one JSON object, for programs to read
     #[arg(long)]
     json: bool,
@@ -77,8 +73,18 @@ pub fn format(text: &str) -> Result<SampleFormat, String> {
     text.parse().map_err(|error: Error| error.to_string())
 }
 
-fn own(without: bool) -> Own {
-    if without { Own::Without } else { Own::With }
+/// Which grains may sound.
+#[derive(Args)]
+struct Allowed {
+    /// Leave out the grains of the recording itself
+    #[arg(long)]
+    without_own: bool,
+}
+
+impl Allowed {
+    fn own(&self) -> Own {
+        if self.without_own { Own::Without } else { Own::With }
+    }
 }
 
 /// What was written.

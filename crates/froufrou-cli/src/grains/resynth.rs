@@ -10,7 +10,7 @@ use froufrou::corpus::resynthesis::{by_power, resynthesise};
 use froufrou::render::format::SampleFormat;
 use serde::Serialize;
 
-use super::{Sounding, find, own, tell};
+use super::{Allowed, Sounding, find, tell};
 use crate::info::sheet::Sheet;
 
 /// Make recordings again of grains that fit, and tell how near they come
@@ -30,9 +30,8 @@ pub struct Resynth {
     #[arg(short, long, value_name = "OUT.wav|OUT.flac", requires = "recording")]
     output: Option<PathBuf>,
 
-    /// Leave out the grains of the recording itself
-    #[arg(long)]
-    without_own: bool,
+    #[command(flatten)]
+    allowed: Allowed,
 
     /// Write JSON, for programs to read
     #[arg(long)]
@@ -66,13 +65,8 @@ impl Resynth {
         let all: Vec<Nearness> =
             numbers.map(|number| self.nearness(&dictionary, number)).collect::<Result<_>>()?;
         if let (Some(output), Some(number)) = (self.output.clone(), wanted) {
-            let sounding = Sounding {
-                output,
-                format: SampleFormat::Int24,
-                without_own: self.without_own,
-                json: self.json,
-            };
-            let sequence = resynthesise(&dictionary, number, own(self.without_own))?;
+            let sounding = Sounding { output, format: SampleFormat::Int24, json: self.json };
+            let sequence = resynthesise(&dictionary, number, self.allowed.own())?;
             sounding.save(&dictionary, &sequence)?;
         }
         let mut sheet = Sheet::default();
@@ -103,7 +97,7 @@ impl Resynth {
 
     fn nearness(&self, dictionary: &Dictionary, number: usize) -> Result<Nearness> {
         let wanted = dictionary.sound(number);
-        let sequence = resynthesise(dictionary, number, own(self.without_own))?;
+        let sequence = resynthesise(dictionary, number, self.allowed.own())?;
         let sound = sequence.render(dictionary);
         let power = by_power(dictionary, number)?.render(dictionary);
         Ok(Nearness {

@@ -7,7 +7,7 @@ use froufrou::Result;
 use froufrou::corpus::dictionary::Dictionary;
 use froufrou::corpus::resynthesis::{rhythm, stretch, vary};
 
-use super::{Sounding, find, own};
+use super::{Allowed, Sounding, find};
 
 /// Make a recording longer or shorter at its pitch
 #[derive(Args)]
@@ -26,6 +26,9 @@ pub struct Stretch {
     factor: f64,
 
     #[command(flatten)]
+    allowed: Allowed,
+
+    #[command(flatten)]
     sounding: Sounding,
 }
 
@@ -34,7 +37,7 @@ impl Stretch {
     pub fn run(self) -> Result<()> {
         let dictionary = Dictionary::open(&self.corpus)?;
         let recording = find(&dictionary, &self.corpus, &self.recording)?;
-        let sequence = stretch(&dictionary, recording, own(self.sounding.without_own), self.factor)?;
+        let sequence = stretch(&dictionary, recording, self.allowed.own(), self.factor)?;
         self.sounding.write(&dictionary, recording, &sequence)
     }
 }
@@ -56,6 +59,9 @@ pub struct Vary {
     seed: u64,
 
     #[command(flatten)]
+    allowed: Allowed,
+
+    #[command(flatten)]
     sounding: Sounding,
 }
 
@@ -64,7 +70,7 @@ impl Vary {
     pub fn run(self) -> Result<()> {
         let dictionary = Dictionary::open(&self.corpus)?;
         let recording = find(&dictionary, &self.corpus, &self.recording)?;
-        let sequence = vary(&dictionary, recording, own(self.sounding.without_own), self.seed)?;
+        let sequence = vary(&dictionary, recording, self.allowed.own(), self.seed)?;
         self.sounding.write(&dictionary, recording, &sequence)
     }
 }
@@ -86,17 +92,8 @@ pub struct Rhythm {
     #[arg(value_name = "RHYTHM_OF")]
     rhythm: String,
 
-    /// The sound file to write: WAV or FLAC by its ending
-    #[arg(short, long, value_name = "OUT.wav|OUT.flac")]
-    output: PathBuf,
-
-    /// Sample format: 16 (dithered), 24 or 32f bits; 32f only of WAV
-    #[arg(long, value_name = "BITS", default_value = "24", value_parser = super::format)]
-    format: froufrou::render::format::SampleFormat,
-
-    /// Write one JSON object, for programs to read
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    sounding: Sounding,
 }
 
 impl Rhythm {
@@ -106,7 +103,6 @@ impl Rhythm {
         let grains = find(&dictionary, &self.corpus, &self.grains)?;
         let rhythm_of = find(&dictionary, &self.corpus, &self.rhythm)?;
         let sequence = rhythm(&dictionary, grains, rhythm_of)?;
-        let Self { output, format, json, .. } = self;
-        Sounding { output, format, without_own: false, json }.write(&dictionary, grains, &sequence)
+        self.sounding.write(&dictionary, grains, &sequence)
     }
 }

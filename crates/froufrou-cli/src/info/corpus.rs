@@ -89,10 +89,7 @@ pub fn facts(manifest: &Manifest, sheet: &mut Sheet) {
                 ),
             );
     }
-    sheet.fact_if("what is lost", weight.error_db.map(|db| format!("{db:.1} dB below the sound"))).fact_if(
-        "clipped",
-        (weight.clipped_samples > 0).then(|| format!("{} samples", weight.clipped_samples)),
-    );
+    sheet.fact_if("what is lost", weight.error_db.map(|db| format!("{db:.1} dB below the sound")));
 }
 
 impl Findings for CorpusFindings {

@@ -171,7 +171,8 @@ pub struct Placed {
     /// The normalised cross-correlation of the grain with what the recording (or its part of the grain's kind) has
     /// there, −1 to 1.
     pub correlation: f32,
-    /// What gives the windowed grain the power that the recording (or its part) has there.
+    /// What gives the windowed grain the power that the recording (or its part) has there under the same window: so
+    /// a recording's own grains add up to itself.
     pub gain: f32,
 }
 

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::rub::Rubbing;
 use crate::{Error, Place, Result};
 
 /// The longest line of an event file that is read, in bytes.
@@ -138,6 +139,31 @@ impl Cause {
 }
 
 impl Event {
+    /// The impact, if it is one.
+    pub fn impact(&self) -> Option<&Impact> {
+        match self {
+            Event::Impact(impact) => Some(impact),
+            Event::Slide(_) | Event::Roll(_) => None,
+        }
+    }
+
+    /// Two bodies that slide or roll along each other.
+    pub fn rubbing(how: Rubbing, rub: Rub) -> Self {
+        match how {
+            Rubbing::Slide => Event::Slide(rub),
+            Rubbing::Roll => Event::Roll(rub),
+        }
+    }
+
+    /// How two bodies rub along each other, sliding or rolling, if they do.
+    pub fn rub(&self) -> Option<(Rubbing, &Rub)> {
+        match self {
+            Event::Impact(_) => None,
+            Event::Slide(rub) => Some((Rubbing::Slide, rub)),
+            Event::Roll(rub) => Some((Rubbing::Roll, rub)),
+        }
+    }
+
     /// When it happens, in seconds.
     pub fn time_s(&self) -> f64 {
         match self {

@@ -6,7 +6,6 @@ use glam::DVec3;
 use super::body::BodyState;
 use super::event::{Cause, Event, Impact, Rub};
 use super::impact::{self, Blow, Settings};
-use super::rub::Rubbing;
 use super::slide::{self, Rubbed};
 use crate::Result;
 use crate::scene::contact_log::ContactRow;
@@ -76,7 +75,7 @@ impl Found {
                     force_n: found.force_n,
                     cause,
                 };
-                if found.how == Rubbing::Roll { Event::Roll(rub) } else { Event::Slide(rub) }
+                Event::rubbing(found.how, rub)
             }
         }
     }

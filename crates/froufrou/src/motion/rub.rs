@@ -16,11 +16,9 @@ use super::slide::LEAST_MPS;
 /// What rolls slips by less than this part of its rolling speed.
 pub const MOST_CREEP: f64 = 0.3;
 
-/// How two bodies that touch move along each other.
+/// How two bodies that touch move along each other, where they do not rest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Rubbing {
-    /// They do not.
-    Rest,
     /// Their surfaces slide along each other.
     Slide,
     /// One rolls along the other.
@@ -57,17 +55,18 @@ impl Surface {
 /// ```
 /// use froufrou::motion::rub::{Rubbing, Surface, classify};
 /// // A wheel at 2 m/s that locks.
-/// assert_eq!(classify(Surface { slip_mps: 0.01, rolling_mps: 2.0 }), Rubbing::Roll);
-/// assert_eq!(classify(Surface { slip_mps: 2.0, rolling_mps: 1.0 }), Rubbing::Slide);
+/// assert_eq!(classify(Surface { slip_mps: 0.01, rolling_mps: 2.0 }), Some(Rubbing::Roll));
+/// assert_eq!(classify(Surface { slip_mps: 2.0, rolling_mps: 1.0 }), Some(Rubbing::Slide));
+/// assert_eq!(classify(Surface { slip_mps: 0.0, rolling_mps: 0.0 }), None);
 /// ```
-pub fn classify(surface: Surface) -> Rubbing {
+pub fn classify(surface: Surface) -> Option<Rubbing> {
     let Surface { slip_mps, rolling_mps } = surface;
     if rolling_mps >= LEAST_MPS && slip_mps < MOST_CREEP * rolling_mps {
-        Rubbing::Roll
+        Some(Rubbing::Roll)
     } else if slip_mps >= LEAST_MPS {
-        Rubbing::Slide
+        Some(Rubbing::Slide)
     } else {
-        Rubbing::Rest
+        None
     }
 }
 
@@ -85,21 +84,24 @@ mod tests {
 
     #[test]
     fn balls_and_blocks_are_told_apart() {
-        assert_eq!(classify(ball(1.0, 1.0)), Rubbing::Roll);
+        assert_eq!(classify(ball(1.0, 1.0)), Some(Rubbing::Roll));
         // Skidding without turning, spinning without moving, backspin.
-        assert_eq!(classify(ball(1.0, 0.0)), Rubbing::Slide);
-        assert_eq!(classify(ball(0.0, 1.0)), Rubbing::Slide);
-        assert_eq!(classify(ball(1.0, -1.0)), Rubbing::Slide);
-        assert_eq!(classify(ball(0.0, 0.0)), Rubbing::Rest);
-        assert_eq!(classify(ball(0.0005, 0.0005)), Rubbing::Rest);
+        assert_eq!(classify(ball(1.0, 0.0)), Some(Rubbing::Slide));
+        assert_eq!(classify(ball(0.0, 1.0)), Some(Rubbing::Slide));
+        assert_eq!(classify(ball(1.0, -1.0)), Some(Rubbing::Slide));
+        assert_eq!(classify(ball(0.0, 0.0)), None);
+        assert_eq!(classify(ball(0.0005, 0.0005)), None);
         // A block carries its contact point along; so does a conveyor under a block that is held.
-        assert_eq!(classify(Surface::new([0.5, 0.0, 0.0], [0.0; 3], [0.5, 0.0, 0.0], UP)), Rubbing::Slide);
-        assert_eq!(classify(Surface::new([0.0; 3], [0.5, 0.0, 0.0], [0.0; 3], UP)), Rubbing::Slide);
+        assert_eq!(
+            classify(Surface::new([0.5, 0.0, 0.0], [0.0; 3], [0.5, 0.0, 0.0], UP)),
+            Some(Rubbing::Slide)
+        );
+        assert_eq!(classify(Surface::new([0.0; 3], [0.5, 0.0, 0.0], [0.0; 3], UP)), Some(Rubbing::Slide));
         // A block that rides on a cart rests, and so does a ball that is carried.
         let cart = [3.0, 0.0, 1.0];
-        assert_eq!(classify(Surface::new(cart, cart, cart, UP)), Rubbing::Rest);
+        assert_eq!(classify(Surface::new(cart, cart, cart, UP)), None);
         // What comes straight at each other does not rub.
-        assert_eq!(classify(Surface::new([0.0, -2.0, 0.0], [0.0; 3], [0.0, -1.0, 0.0], UP)), Rubbing::Rest);
+        assert_eq!(classify(Surface::new([0.0, -2.0, 0.0], [0.0; 3], [0.0, -1.0, 0.0], UP)), None);
     }
 
     #[test]
@@ -107,13 +109,13 @@ mod tests {
         // Both surfaces go by at 2 m/s where they touch, and the point stays.
         let surface = Surface::new([2.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0; 3], UP);
         assert_eq!(surface, Surface { slip_mps: 0.0, rolling_mps: 2.0 });
-        assert_eq!(classify(surface), Rubbing::Roll);
+        assert_eq!(classify(surface), Some(Rubbing::Roll));
     }
 
     #[test]
     fn nonsense_rests() {
-        assert_eq!(classify(Surface { slip_mps: f64::NAN, rolling_mps: f64::NAN }), Rubbing::Rest);
-        assert_eq!(classify(Surface { slip_mps: f64::NAN, rolling_mps: 1.0 }), Rubbing::Rest);
+        assert_eq!(classify(Surface { slip_mps: f64::NAN, rolling_mps: f64::NAN }), None);
+        assert_eq!(classify(Surface { slip_mps: f64::NAN, rolling_mps: 1.0 }), None);
     }
 
     proptest! {

@@ -147,7 +147,7 @@ struct Sum {
 #[derive(Debug, Clone, Copy)]
 struct Moment {
     index: i64,
-    raw: Rubbing,
+    raw: Option<Rubbing>,
     slip_mps: f64,
     rolling_mps: f64,
     position_m: [f64; 3],
@@ -356,21 +356,20 @@ impl Analyser {
                     // A slow way is a wandering of pressure as likely as not.
                     let both_mps = moment.rolling_mps.min(before.rolling_mps);
                     let next = moment.raw == before.raw && moment.index == before.index + 1;
-                    next && (moment.raw != Rubbing::Roll || both_mps >= SURELY_MPS)
+                    next && (moment.raw != Some(Rubbing::Roll) || both_mps >= SURELY_MPS)
                 });
                 if goes_on {
-                    life.held = Some(before.raw);
+                    life.held = before.raw;
                 }
                 told(before.index, before.told(life.held, bodies, self.moment_s));
             }
             let Some(moment) = moment else { continue };
-            let held = life.held.unwrap_or(Rubbing::Rest);
-            let surely =
-                held == Rubbing::Rest && moment.raw == Rubbing::Slide && moment.slip_mps >= SURELY_MPS;
+            let slides = moment.raw == Some(Rubbing::Slide);
+            let surely = life.held.is_none() && slides && moment.slip_mps >= SURELY_MPS;
             if surely {
-                life.held = Some(moment.raw);
+                life.held = moment.raw;
             }
-            if moment.raw == held || surely {
+            if moment.raw == life.held {
                 told(moment.index, moment.told(life.held, bodies, self.moment_s));
             } else if now == ended.saturating_add(1) {
                 life.pending = Some(moment);
@@ -501,21 +500,20 @@ impl Moment {
     /// a pressure that wanders do not.
     fn doubt(&mut self, before_mps: &mut Option<DVec3>) {
         let before_mps = std::mem::replace(before_mps, self.travels_mps);
-        let Some(now_mps) = self.travels_mps.filter(|_| self.raw == Rubbing::Roll) else { return };
+        let Some(now_mps) = self.travels_mps.filter(|_| self.raw == Some(Rubbing::Roll)) else { return };
         let goes_on = before_mps.is_some_and(|before_mps| {
             let (before, now) = (before_mps.length(), now_mps.length());
             before_mps.dot(now_mps) > 0.8 * before * now && before < 1.5 * now && now < 1.5 * before
         });
         if !goes_on {
-            self.raw = if self.slip_mps >= LEAST_MPS { Rubbing::Slide } else { Rubbing::Rest };
+            self.raw = (self.slip_mps >= LEAST_MPS).then_some(Rubbing::Slide);
         }
     }
 
     /// The moment as one of what the pair is held to do; nothing at rest.
     fn told(&self, held: Option<Rubbing>, bodies: [u32; 2], moment_s: f64) -> Option<Rubbed> {
-        let how = held.unwrap_or(Rubbing::Rest);
+        let how = held?;
         let speed_mps = match how {
-            Rubbing::Rest => 0.0,
             Rubbing::Slide => self.slip_mps,
             Rubbing::Roll => self.rolling_mps,
         };

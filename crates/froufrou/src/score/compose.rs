@@ -14,7 +14,7 @@ use std::collections::{BTreeMap, BinaryHeap, HashMap, VecDeque};
 use std::iter::Peekable;
 use std::sync::Arc;
 
-use self::contacts::{LEAST_QUIET, Rubbing};
+use self::contacts::LEAST_QUIET;
 use self::grains::Flow;
 use self::voice::{Follows, Place, Voice, faded};
 use super::retarget::{self, Repertoire, Shader};
@@ -26,6 +26,7 @@ use crate::corpus::dictionary::Dictionary;
 use crate::motion::contacts::LogEvents;
 use crate::motion::event::Event;
 use crate::motion::moving::MovingBodies;
+use crate::motion::rub::Rubbing;
 use crate::random::Random;
 use crate::scene::file::{Acoustics, Emitter, Material, Played, Scene, SceneSound, StartKey, Timing};
 use crate::scene::world::{Carrier, RigidBodies, World};
@@ -422,12 +423,8 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                         event => self.foreseen.push_back(event),
                     }
                 }
-            } else {
-                match self.foreseen.pop_front() {
-                    Some(Event::Slide(rub)) => self.rub(&rub, Rubbing::Slide)?,
-                    Some(Event::Roll(rub)) => self.rub(&rub, Rubbing::Roll)?,
-                    _ => {}
-                }
+            } else if let Some((how, rub)) = self.foreseen.pop_front().as_ref().and_then(Event::rub) {
+                self.rub(rub, how)?;
             }
         }
     }
@@ -489,8 +486,8 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         while let Some((_, action)) = voice.cues.pop_front_if(|(due_s, _)| *due_s <= time_s) {
             self.ready.push_back(ObjectLine::Cue(Cue { thread: id, time_s, action }));
         }
-        let end_s = voice.end_s;
-        if let Some(&(next_s, _)) = voice.cues.front().filter(|&&(next_s, _)| next_s < end_s) {
+        // A voice may yet be told to last longer; one that is over by then is told nothing.
+        if let Some(&(next_s, _)) = voice.cues.front() {
             self.due.push(Reverse(Due { time_s: next_s, what: What::Cue, id }));
         }
     }

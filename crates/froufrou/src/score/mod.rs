@@ -111,6 +111,8 @@ pub enum Make {
     StickSlip,
     /// Air that is stirred.
     Turbulence,
+    /// A sheet that is stretched, blown at and whipped.
+    Membrane,
     /// A procedure that a script describes.
     Procedure {
         /// The script.
@@ -157,6 +159,7 @@ impl Make {
             Make::Needle => "needle",
             Make::StickSlip => "stick-slip",
             Make::Turbulence => "turbulence",
+            Make::Membrane => "membrane",
             Make::Procedure { .. } => "procedure",
             Make::Grains { .. } => "grains",
         }

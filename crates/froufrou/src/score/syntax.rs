@@ -25,7 +25,7 @@ const THREAD_VERBS: [&str; 5] = ["start", "path", "key", "jump", "end"];
 const CUE_VERBS: [&str; 3] = ["set", "strike", "grain"];
 const START_CLAUSES: [&str; 5] = ["speed", "offset", "object", "cause", "pattern"];
 /// The words for synthesised sounds.
-const KINDS: [&str; 10] = [
+const KINDS: [&str; 11] = [
     "string",
     "bar",
     "free-bar",
@@ -34,6 +34,7 @@ const KINDS: [&str; 10] = [
     "needle",
     "stick-slip",
     "turbulence",
+    "membrane",
     "procedure",
     "grains",
 ];
@@ -153,6 +154,7 @@ pub fn read_sound(words: &mut Words<'_>) -> Result<Sound> {
         "needle" => Make::Needle,
         "stick-slip" => Make::StickSlip,
         "turbulence" => Make::Turbulence,
+        "membrane" => Make::Membrane,
         "grains" => Make::Grains { corpus: words.name("the folder of the corpus")?.into_owned() },
         _ => Make::Procedure { script: words.name("the path of the script")?.into_owned() },
     };
@@ -237,7 +239,7 @@ fn sound_line(sound: &Sound) -> Result<String> {
                 push_quoted(&mut text, table);
             }
         }
-        Make::String | Make::Bar(_) | Make::Needle | Make::StickSlip | Make::Turbulence => {
+        Make::String | Make::Bar(_) | Make::Needle | Make::StickSlip | Make::Turbulence | Make::Membrane => {
             text.push_str(sound.make.kind());
         }
         Make::Procedure { script } => {

@@ -6,6 +6,7 @@ mod gate;
 pub mod grains;
 pub mod instrument;
 pub(crate) mod kernel;
+pub mod membrane;
 pub mod mixer;
 pub mod modal;
 pub mod needle;

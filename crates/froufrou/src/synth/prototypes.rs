@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::grains::Grains;
 use super::instrument::{Instrument, Parameters};
+use super::membrane::Membrane;
 use super::mixer::Sounding;
 use super::modal::bar::Ends;
 use super::modal::{self, Modes, Shape};
@@ -74,6 +75,7 @@ fn instrument(sound: &Sound, make: &Make, folder: &Path) -> Result<Arc<dyn Instr
         }
         Make::Needle => Needle::new(&sound.with).map(|needle| Arc::new(needle) as _),
         Make::StickSlip => StickSlip::new(&sound.with).map(|body| Arc::new(body) as _),
+        Make::Membrane => Membrane::new(&sound.with).map(|sheet| Arc::new(sheet) as _),
         Make::Turbulence => Turbulence::new(&sound.with).map(|air| Arc::new(air) as _),
         Make::Procedure { script } => {
             Procedure::open(folder.join(script), &sound.with).map(|procedure| Arc::new(procedure) as _)

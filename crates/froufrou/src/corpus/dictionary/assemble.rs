@@ -127,18 +127,22 @@ fn windows(segments: &[Segment], taper: f64) -> Vec<(Vec<f64>, [usize; 2])> {
         let attacks = segment.start == 0 && segment.kind == GrainKind::Impulsive;
         let left = if attacks { 0 } else { overlap(before(index), Some(segment)).unwrap_or(free) };
         let right = overlap(Some(segment), segments.get(index + 1)).unwrap_or(free);
-        let rise = |from_end: usize, taper: usize| {
-            // The mirrored taper of the neighbour is what is missing to 1.
-            let part = (from_end as f64 + 0.5) / taper as f64;
-            if from_end < taper { 0.5 - 0.5 * (std::f64::consts::PI * part).cos() } else { 1.0 }
-        };
-        let last = segment.length.saturating_sub(1);
-        let plain: Vec<f64> = (0..segment.length).map(|i| rise(i, left) * rise(last - i, right)).collect();
+        let plain: Vec<f64> = tapered(segment.length, [left, right]).collect();
         let mean_square = plain.iter().map(|w| w * w).sum::<f64>() / plain.len().max(1) as f64;
         let scale = if mean_square > 0.0 { mean_square.sqrt().recip() } else { 1.0 };
         (plain.into_iter().map(|w| w * scale).collect(), [left, right])
     };
     segments.iter().enumerate().map(window).collect()
+}
+
+/// A window that is 1 between its tapers.
+fn tapered(length: usize, [left, right]: [usize; 2]) -> impl Iterator<Item = f64> {
+    let rise = |from_end: usize, taper: usize| {
+        // The mirrored taper of the neighbour is what is missing to 1.
+        let part = (from_end as f64 + 0.5) / taper as f64;
+        if from_end < taper { 0.5 - 0.5 * (std::f64::consts::PI * part).cos() } else { 1.0 }
+    };
+    (0..length).map(move |i| rise(i, left) * rise(length - 1 - i, right))
 }
 
 fn pattern(dictionary: &Dictionary, recording: usize, peaks: &[Peak]) -> Vec<Placed> {
@@ -148,6 +152,12 @@ fn pattern(dictionary: &Dictionary, recording: usize, peaks: &[Peak]) -> Vec<Pla
         let samples = dictionary.samples(grain);
         let there = piece(parts, entry.kind, start, entry.length);
         let (is, wanted) = (energy(samples), energy(there));
+        // What it has to be as loud as is what its window leaves: a recording's own grains add up to itself.
+        let left: f64 = there
+            .iter()
+            .zip(tapered(entry.length, entry.tapers))
+            .map(|(v, w)| (f64::from(*v) * w).powi(2))
+            .sum();
         let exact = || {
             let product: f64 = there.iter().zip(samples).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum();
             if is > 0.0 && wanted > 0.0 { (product / (is * wanted).sqrt()) as f32 } else { 0.0 }
@@ -157,7 +167,7 @@ fn pattern(dictionary: &Dictionary, recording: usize, peaks: &[Peak]) -> Vec<Pla
             grain: grain as u32,
             start: start as u64,
             correlation: correlation.unwrap_or_else(exact),
-            gain: if is > 0.0 { (wanted / is).sqrt() as f32 } else { 0.0 },
+            gain: if is > 0.0 { (left / is).sqrt() as f32 } else { 0.0 },
         }
     };
     let own = dictionary.recordings[recording].grains.clone();

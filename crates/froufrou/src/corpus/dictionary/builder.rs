@@ -206,7 +206,7 @@ impl Work<'_> {
                     Analysis { prepared, segments: None }
                 }
             };
-            let samples = prepare::floats(&analysis.prepared.samples);
+            let samples = analysis.prepared.sound();
             let split = sinusoids::kept_parts(self.corpus, samples, rate_hz, listed.contact, &settings);
             let (parts, file) = split.map_err(|e| e.in_file(&found.path))?;
             self.used.extend(file);
@@ -292,16 +292,16 @@ impl Work<'_> {
         candidates: &Candidates,
     ) -> Result<()> {
         let Manifest { rate_hz, settings, storage, quality, .. } = self.manifest.clone();
-        let prepared: Vec<&[i16]> = analyses.iter().map(|a| &*a.prepared.samples).collect();
+        let heard: Vec<Vec<f32>> = analyses.iter().map(|analysis| analysis.prepared.sound()).collect();
         // Without sound of its own there is nothing that a corpus could share.
         let shares = match storage {
-            Storage::None => vec![Vec::new(); prepared.len()],
-            _ => share::shares(cut.dictionary(), &prepared, candidates, settings.share_from),
+            Storage::None => vec![Vec::new(); heard.len()],
+            _ => share::shares(cut.dictionary(), &heard, candidates, settings.share_from),
         };
         let mut weight = Weight { grains: cut.dictionary().grains().len(), ..Weight::default() };
         weight.shared_grains = shares.iter().map(Vec::len).sum();
-        let mut items = Vec::with_capacity(prepared.len());
-        let mut sounds: Vec<Vec<f32>> = Vec::with_capacity(prepared.len());
+        let mut items = Vec::with_capacity(heard.len());
+        let mut sounds: Vec<Vec<f32>> = Vec::with_capacity(heard.len());
         let (mut energy, mut lost) = (0.0, 0.0);
         let mut files = BTreeSet::new();
         for (number, ((analysis, shares), peaks)) in analyses.iter().zip(shares).zip(peaks).enumerate() {
@@ -320,22 +320,26 @@ impl Work<'_> {
                     }
                 }
             }
+            let halvings = analysis.prepared.halvings;
             sounds.push(match storage {
-                Storage::None => prepare::floats(&samples),
-                _ => audio::decode(self.corpus, &stored.hash, storage, rate_hz)?,
+                Storage::None => heard[number].clone(),
+                _ => {
+                    let mut sound = audio::decode(self.corpus, &stored.hash, storage, rate_hz)?;
+                    prepare::double(&mut sound, halvings);
+                    sound
+                }
             });
             let segments = analysis.segments.clone().unwrap_or_default();
             let item = Item { audio: stored.hash.clone(), length: samples.len(), segments, shares, peaks };
             folder::fill(number, &item, &mut sounds)?;
-            let heard = prepare::floats(&analysis.prepared.samples);
             let off = |(a, b): (&f32, &f32)| f64::from(a - b).powi(2);
             energy += analysis.prepared.energy;
-            lost += analysis.prepared.lost + heard.iter().zip(&sounds[number]).map(off).sum::<f64>();
-            weight.clipped_samples += analysis.prepared.clipped;
+            lost += analysis.prepared.lost + heard[number].iter().zip(&sounds[number]).map(off).sum::<f64>();
             weight.originals_bytes += analysis.prepared.original_bytes;
             weight.mono_bytes += 2 * samples.len() as u64;
             let listed = &mut self.manifest.recording[number];
             listed.audio = stored.hash;
+            listed.halvings = halvings;
             if listed.contact == Contact::Continuous {
                 let samples = sounds[number].clone();
                 let (_, file) =

@@ -70,7 +70,9 @@ pub(super) fn items(folder: &Path, manifest: &Manifest) -> Result<Vec<Item>> {
 /// The stored sound of one recording, or that of its own file.
 fn sound(folder: &Path, manifest: &Manifest, listed: &Listed) -> Result<Vec<f32>> {
     if manifest.storage != Storage::None {
-        return audio::decode(folder, &listed.audio, manifest.storage, manifest.rate_hz);
+        let mut sound = audio::decode(folder, &listed.audio, manifest.storage, manifest.rate_hz)?;
+        prepare::double(&mut sound, listed.halvings);
+        return Ok(sound);
     }
     let path = manifest.source(folder, listed);
     let bytes = std::fs::read(&path).map_err(|e| {
@@ -82,8 +84,7 @@ fn sound(folder: &Path, manifest: &Manifest, listed: &Listed) -> Result<Vec<f32>
             .in_file(path)
             .help(AGAIN));
     }
-    let prepared = prepare::recording(&bytes, &path, manifest.rate_hz, &manifest.settings)?;
-    Ok(prepare::floats(&prepared.samples))
+    Ok(prepare::recording(&bytes, &path, manifest.rate_hz, &manifest.settings)?.sound())
 }
 
 /// Sounds with what they share with one another.

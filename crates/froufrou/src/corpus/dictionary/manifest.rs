@@ -72,10 +72,12 @@ pub struct Weight {
     pub grains: usize,
     /// Grains whose sound is another's.
     pub shared_grains: usize,
-    /// Samples that 16 bits could not hold.
-    pub clipped_samples: u64,
     /// What is lost, against what is heard, in decibels; none where nothing is lost.
     pub error_db: Option<f64>,
+}
+
+fn never(times: &u32) -> bool {
+    *times == 0
 }
 
 /// One recording of a corpus.
@@ -94,6 +96,9 @@ pub struct Listed {
     pub hash: String,
     /// What its stored sound hashes to, which is the name of its file.
     pub audio: String,
+    /// How often its stored sound was halved, as it reached beyond full scale.
+    #[serde(default, skip_serializing_if = "never")]
+    pub halvings: u32,
 }
 
 /// All of `corpus.toml`.

@@ -85,8 +85,8 @@ pub(super) fn segments(parts: &[Part], rate_hz: u32, settings: &Settings) -> Res
 pub(super) struct Prepared {
     /// One channel at the corpus's rate, in steps of 16 bits.
     pub samples: Vec<i16>,
-    /// Samples that were beyond.
-    pub clipped: u64,
+    /// How often it was halved to fit into them.
+    pub halvings: u32,
     /// The bytes of 16-bit samples of all its channels at its own rate.
     pub original_bytes: u64,
     /// The sum of squares of what was heard, and of what was lost.
@@ -110,24 +110,45 @@ pub(super) fn recording(bytes: &[u8], path: &Path, rate_hz: u32, settings: &Sett
     let gains = gate(&sound, rate_hz, settings).map_err(in_file)?;
     let mut prepared = Prepared {
         samples: Vec::with_capacity(sound.len()),
-        clipped: 0,
+        halvings: halvings(&sound),
         original_bytes,
         energy: energy(&sound),
         lost: 0.0,
     };
+    let step = FULL_SCALE.recip() * 2f64.powi(prepared.halvings as i32);
     for (value, gain) in sound.iter().zip(gains) {
-        let steps = (f64::from(*value) * f64::from(gain) * 32_768.0).round();
-        let step = steps.clamp(-32_768.0, 32_767.0);
-        prepared.clipped += u64::from(step != steps);
-        prepared.samples.push(step as i16);
-        prepared.lost += (step / 32_768.0 - f64::from(*value)).powi(2);
+        let steps = (f64::from(*value) * f64::from(gain) / step).round().clamp(-FULL_SCALE, FULL_SCALE - 1.0);
+        prepared.samples.push(steps as i16);
+        prepared.lost += (steps * step - f64::from(*value)).powi(2);
     }
     Ok(prepared)
 }
 
-/// Steps of 16 bits as numbers within ±1.
-pub(super) fn floats(samples: &[i16]) -> Vec<f32> {
-    samples.iter().map(|v| f32::from(*v) / 32_768.0).collect()
+/// The steps of 16 bits from 0 to full scale.
+const FULL_SCALE: f64 = 32_768.0;
+
+/// How often sound has to be halved to lie within ±1. What lossy files hold often reaches beyond.
+fn halvings(sound: &[f32]) -> u32 {
+    let peak = sound.iter().fold(0.0f32, |peak, v| peak.max(v.abs()));
+    // Down to the last step below full scale nothing that is heard is lost.
+    peak.log2().ceil().max(0.0) as u32
+}
+
+impl Prepared {
+    /// The sound as it was before it was halved.
+    pub fn sound(&self) -> Vec<f32> {
+        let mut sound = self.samples.iter().map(|v| f32::from(*v) / FULL_SCALE as f32).collect::<Vec<f32>>();
+        double(&mut sound, self.halvings);
+        sound
+    }
+}
+
+/// Undoes halving.
+pub(super) fn double(sound: &mut [f32], times: u32) {
+    if times > 0 {
+        let gain = 2f32.powi(times as i32);
+        sound.iter_mut().for_each(|v| *v *= gain);
+    }
 }
 
 /// 1 where something is loud enough, and 0 where nothing is.

@@ -1,5 +1,6 @@
 use super::*;
 use crate::random::Random;
+use std::f64::consts::PI;
 
 const RATE_HZ: u32 = 44_100;
 
@@ -138,7 +139,18 @@ fn a_pattern_is_in_order_and_has_the_power_of_its_recording() {
             let there = &part.samples[placed.start as usize..][..entry.length];
             let grain = dictionary.samples(placed.grain as usize);
             let scaled: Vec<f32> = grain.iter().map(|v| v * placed.gain).collect();
-            assert!((power(&scaled) / power(there) - 1.0).abs() < 1e-3);
+            // Raised cosines over the tapers.
+            let [left, right] = entry.tapers;
+            let rise = |n: usize, taper: usize| {
+                if n < taper { (PI * (n as f64 + 0.5) / taper as f64 / 2.0).sin().powi(2) } else { 1.0 }
+            };
+            let window = |i: usize| (rise(i, left) * rise(entry.length - 1 - i, right)) as f32;
+            let wanted: Vec<f32> = there.iter().enumerate().map(|(i, v)| window(i) * v).collect();
+            assert!((power(&scaled) / power(&wanted) - 1.0).abs() < 1e-3);
+            if recording.grains.contains(&(placed.grain as usize)) && entry.start as u64 == placed.start {
+                let off: Vec<f32> = scaled.iter().zip(&wanted).map(|(a, b)| a - b).collect();
+                assert!(power(&off) < 1e-9 * power(&wanted), "its own grains add up to it");
+            }
             let product: f64 = there.iter().zip(grain).map(|(a, b)| f64::from(a * b)).sum();
             let expected = product / (power(there) * power(grain)).sqrt() / entry.length as f64;
             assert!((expected - f64::from(placed.correlation)).abs() < 0.0021);

@@ -58,7 +58,7 @@ pub(super) struct Pair {
     /// How hard they press.
     pub force_n: f64,
     /// How they rub at each other.
-    pub rubbing: Rubbing,
+    pub rubbing: Option<Rubbing>,
 }
 
 /// How two bodies bounced when it was seen last.
@@ -150,7 +150,7 @@ impl Analyser {
                     hits: 0,
                     settled: false,
                     force_n: 0.0,
-                    rubbing: Rubbing::Rest,
+                    rubbing: None,
                 },
             };
             self.pairs.insert(bodies, pair);
@@ -456,7 +456,7 @@ impl Analyser {
                 self.movers[a].supports[0].push(-touch.normal);
                 self.movers[b].supports[0].push(touch.normal);
             } else {
-                (pair.force_n, pair.rubbing) = (0.0, Rubbing::Rest);
+                (pair.force_n, pair.rubbing) = (0.0, None);
             }
         }
     }

@@ -206,18 +206,18 @@ impl Analyser {
             movers.iter().filter(|mover| mover.body.shape.is_round()).map(|mover| mover.body.shape.reach_m());
         let turning = (moving[0].spin - moving[1].spin).reject_from_normalized(normal).length();
         surface.rolling_mps = surface.rolling_mps.min(1.5 * turning * round.fold(0.0, f64::max));
-        let goes_on = pair.rubbing != Rubbing::Rest;
+        let goes_on = pair.rubbing.is_some();
         let least_mps = LEAST_RUB_MPS * if goes_on { GOES_ON } else { 1.0 };
         let asked = match pair.rubbing {
-            Rubbing::Roll => Surface { slip_mps: surface.slip_mps * KEEPS, ..surface },
-            Rubbing::Slide => Surface { slip_mps: surface.slip_mps / KEEPS, ..surface },
-            Rubbing::Rest => surface,
+            Some(Rubbing::Roll) => Surface { slip_mps: surface.slip_mps * KEEPS, ..surface },
+            Some(Rubbing::Slide) => Surface { slip_mps: surface.slip_mps / KEEPS, ..surface },
+            None => surface,
         };
-        let (rubbing, speed_mps) = match classify(asked) {
-            Rubbing::Slide if surface.slip_mps >= least_mps => (Rubbing::Slide, surface.slip_mps),
-            Rubbing::Roll if surface.rolling_mps >= least_mps => (Rubbing::Roll, surface.rolling_mps),
-            _ => (Rubbing::Rest, 0.0),
+        let speed_mps = |how| match how {
+            Rubbing::Slide => surface.slip_mps,
+            Rubbing::Roll => surface.rolling_mps,
         };
+        let rubbing = classify(asked).filter(|&how| speed_mps(how) >= least_mps);
         let force_n = pair.force_n;
         let on = [0, 1].map(|side| {
             // Within a frame the turn goes evenly.
@@ -229,6 +229,7 @@ impl Analyser {
         let names = movers.map(|mover| mover.body.name.clone());
         let cause = self.cause(frame);
         self.pairs.get_mut(&bodies)?.rubbing = rubbing;
+        let how = rubbing?;
         let swap = names[0] > names[1];
         let [one, other] = names;
         let (a, b, on_m) = if swap { (other, one, [on[1], on[0]]) } else { (one, other, on) };
@@ -239,14 +240,10 @@ impl Analyser {
             b,
             position_m: place.to_array(),
             on_m: Some(on_m),
-            speed_mps,
+            speed_mps: speed_mps(how),
             force_n,
             cause,
         };
-        match rubbing {
-            Rubbing::Rest => None,
-            Rubbing::Slide => Some(Event::Slide(rub)),
-            Rubbing::Roll => Some(Event::Roll(rub)),
-        }
+        Some(Event::rubbing(how, rub))
     }
 }

@@ -1,5 +1,6 @@
 use super::*;
 use crate::motion::event::{Impact, Rub};
+use crate::motion::rub::Rubbing;
 use crate::scene::animation::Mesh;
 use glam::{DMat3, DQuat};
 
@@ -44,23 +45,13 @@ fn told(
 }
 
 fn impacts(events: &[Event]) -> Vec<&Impact> {
-    let mut impacts = Vec::new();
-    for event in events {
-        if let Event::Impact(impact) = event {
-            impacts.push(impact);
-        }
-    }
-    impacts
+    events.iter().filter_map(Event::impact).collect()
 }
 
 fn rubs(events: &[Event]) -> [Vec<&Rub>; 2] {
     let mut rubs = [Vec::new(), Vec::new()];
-    for event in events {
-        match event {
-            Event::Slide(rub) => rubs[0].push(rub),
-            Event::Roll(rub) => rubs[1].push(rub),
-            Event::Impact(_) => {}
-        }
+    for (how, rub) in events.iter().filter_map(Event::rub) {
+        rubs[usize::from(how == Rubbing::Roll)].push(rub);
     }
     rubs
 }

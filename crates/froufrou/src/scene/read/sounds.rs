@@ -116,8 +116,18 @@ pub(super) const START: Keys = &["t", "gain_db", "speed"];
 pub(super) const STRIKE: Keys = &["t", "impulse", "place", "contact"];
 
 /// What makes an instrument.
-pub(super) const KINDS: Keys =
-    &["string", "bar", "free-bar", "clamped-bar", "modes", "needle", "stick-slip", "turbulence", "procedure"];
+pub(super) const KINDS: Keys = &[
+    "string",
+    "bar",
+    "free-bar",
+    "clamped-bar",
+    "modes",
+    "needle",
+    "stick-slip",
+    "turbulence",
+    "membrane",
+    "procedure",
+];
 
 /// The most files or patterns in one list of recordings.
 const MOST_RECORDINGS: usize = 10_000;
@@ -154,6 +164,7 @@ fn instrument(name: &str, node: &Node<'_, '_>, folder: &Folder) -> Result<Instru
         "needle" => Make::Needle,
         "stick-slip" => Make::StickSlip,
         "turbulence" => Make::Turbulence,
+        "membrane" => Make::Membrane,
         "modes" => {
             let modes = Make::Modes { table: file("table")?, modes: modes(&table)? };
             if matches!(&modes, Make::Modes { table: None, modes } if modes.is_empty()) {

@@ -7,6 +7,7 @@ use super::voice::{Place, Voice};
 use super::{Composer, Due, Group, What, from_db, tidy};
 use crate::Result;
 use crate::motion::event::{Cause, Event, Impact, Rub};
+use crate::motion::rub::Rubbing;
 use crate::random::Random;
 use crate::scene::file::{ImpactSound, Material, Played, RubSound};
 use crate::scene::world::{Carrier, body_named};
@@ -21,31 +22,32 @@ pub(super) const LEAST_QUIET: usize = 256;
 /// Keeps the places of strikes apart from other random numbers of the same seed.
 const STRIKES: u64 = 0x57a1_0000_0000_0000;
 
-/// How two bodies rub along each other.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) enum Rubbing {
-    Slide,
-    Roll,
+/// One of two bodies in contact, as it sounds.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Side<'r> {
+    pub body: &'r str,
+    /// What it is in contact with.
+    pub other: &'r str,
+    /// The object that it is.
+    pub index: usize,
 }
 
-impl Rubbing {
-    pub fn verb(self) -> &'static str {
-        match self {
-            Rubbing::Slide => "slides",
-            Rubbing::Roll => "rolls",
-        }
-    }
-
-    /// What a material sounds like then.
-    pub fn sound(self, material: &Material) -> Option<&RubSound> {
-        match self {
-            Rubbing::Slide => material.slide.as_ref(),
-            Rubbing::Roll => material.roll.as_ref(),
-        }
+fn verb(how: Rubbing) -> &'static str {
+    match how {
+        Rubbing::Slide => "slides",
+        Rubbing::Roll => "rolls",
     }
 }
 
-impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
+/// What a material sounds like then.
+fn sound_of(material: &Material, how: Rubbing) -> Option<&RubSound> {
+    match how {
+        Rubbing::Slide => material.slide.as_ref(),
+        Rubbing::Roll => material.roll.as_ref(),
+    }
+}
+
+impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
     /// The object that a body is, which is one or none: logs have names of their own, what is told by motion alone
     /// has those of the world.
     fn object_of(&self, body: &str, cause: &Cause) -> Option<usize> {
@@ -58,22 +60,30 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
         }
     }
 
+    /// Both bodies in contact, with their materials, where they have them.
+    fn sides<'r>(&self, a: &'r str, b: &'r str, cause: &Cause) -> Vec<(Side<'r>, &'s Material)> {
+        let scene = self.scene;
+        let side = |(body, other): (&'r str, &'r str)| {
+            let index = self.object_of(body, cause)?;
+            let material = scene.materials.get(scene.objects[index].material?)?;
+            Some((Side { body, other, index }, material))
+        };
+        [(a, b), (b, a)].into_iter().filter_map(side).collect()
+    }
+
     /// Lets both bodies of an impact sound, as their materials have it.
     pub(super) fn strike(&mut self, impact: &Impact) -> Result<()> {
         if impact.time_s < 0.0 {
             return Ok(());
         }
-        for (body, other) in [(&impact.a, &impact.b), (&impact.b, &impact.a)] {
-            let Some(index) = self.object_of(body, &impact.cause) else { continue };
-            let material = self.scene.objects[index].material.and_then(|m| self.scene.materials.get(m));
-            let Some(material) = material else { continue };
+        for (side, material) in self.sides(&impact.a, &impact.b, &impact.cause) {
             // A sound of its own comes before the grains of the material.
             let (floor_ns, retrigger_s) = match (&material.impact, &material.grains) {
                 (Some(sound), _) => (sound.floor_impulse_ns, sound.retrigger_s),
                 (None, Some(grains)) => (grains.floor_impulse_ns, grains.retrigger_s),
                 (None, None) => continue,
             };
-            let pair = (body.clone(), other.clone(), index);
+            let pair = (side.body.to_owned(), side.other.to_owned(), side.index);
             let quiet = self.quiet_until_s.get(&pair).is_some_and(|&until_s| impact.time_s < until_s);
             if impact.impulse_ns < floor_ns || quiet {
                 continue;
@@ -84,8 +94,8 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
             }
             self.quiet_until_s.insert(pair, impact.time_s + retrigger_s);
             match (&material.impact, &material.grains) {
-                (Some(sound), _) => self.strike_one(impact, body, other, index, sound)?,
-                (None, Some(grains)) => self.strike_grains(impact, body, other, index, grains)?,
+                (Some(sound), _) => self.strike_one(impact, side, sound)?,
+                (None, Some(grains)) => self.strike_grains(impact, side, grains)?,
                 (None, None) => {}
             }
         }
@@ -112,14 +122,8 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
         Ok((carrier, object))
     }
 
-    fn strike_one(
-        &mut self,
-        impact: &Impact,
-        body: &str,
-        other: &str,
-        index: usize,
-        sound: &ImpactSound,
-    ) -> Result<()> {
+    fn strike_one(&mut self, impact: &Impact, side: Side<'_>, sound: &ImpactSound) -> Result<()> {
+        let Side { body, other, index } = side;
         let time_s = impact.time_s;
         let (name, speed) = self.pick(Group::Impact(index), &sound.played, sound.speed_variation)?;
         let facts = self.facts.get(&name);
@@ -177,16 +181,13 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
         if rub.time_s < 0.0 {
             return Ok(());
         }
-        for (body, other) in [(&rub.a, &rub.b), (&rub.b, &rub.a)] {
-            let Some(index) = self.object_of(body, &rub.cause) else { continue };
-            let material = self.scene.objects[index].material.and_then(|m| self.scene.materials.get(m));
-            let Some(material) = material else { continue };
-            match (how.sound(material), &material.grains) {
+        for (side, material) in self.sides(&rub.a, &rub.b, &rub.cause) {
+            match (sound_of(material, how), &material.grains) {
                 (Some(sound), _) if rub.speed_mps >= sound.floor_speed_mps => {
-                    self.rub_one(rub, how, body, other, index, sound)?;
+                    self.rub_one(rub, how, side, sound)?;
                 }
                 (None, Some(grains)) if rub.speed_mps >= grains.floor_speed_mps => {
-                    self.rub_grains(rub, how, body, other, index, grains)?;
+                    self.rub_grains(rub, how, side, grains)?;
                 }
                 _ => {}
             }
@@ -194,22 +195,14 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
         Ok(())
     }
 
-    fn rub_one(
-        &mut self,
-        rub: &Rub,
-        how: Rubbing,
-        body: &str,
-        other: &str,
-        index: usize,
-        sound: &RubSound,
-    ) -> Result<()> {
+    fn rub_one(&mut self, rub: &Rub, how: Rubbing, side: Side<'_>, sound: &RubSound) -> Result<()> {
         let gain =
             from_db(sound.gain_db) * rub.force_n / sound.reference_force_n * sound.reference_distance_m;
-        let id = match self.rubs_already(body, other, index, how) {
+        let id = match self.rubs_already(side, how) {
             Some(id) => id,
             None => {
-                let (name, _) = self.pick(Group::Rub(how, index), &sound.played, 0.0)?;
-                self.begin_rub(rub, how, body, other, index, name)?
+                let (name, _) = self.pick(Group::Rub(how, side.index), &sound.played, 0.0)?;
+                self.begin_rub(rub, how, side, name)?
             }
         };
         let name = self.name_of(&sound.played, 0);
@@ -225,8 +218,8 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
     }
 
     /// The thread of two bodies that rub along each other already.
-    pub(super) fn rubs_already(&self, body: &str, other: &str, index: usize, how: Rubbing) -> Option<u64> {
-        let pair = (body.to_owned(), other.to_owned(), index, how);
+    pub(super) fn rubs_already(&self, side: Side<'_>, how: Rubbing) -> Option<u64> {
+        let pair = (side.body.to_owned(), side.other.to_owned(), side.index, how);
         self.rubbing.get(&pair).copied().filter(|id| self.voices.contains_key(id))
     }
 
@@ -235,14 +228,13 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
         &mut self,
         rub: &Rub,
         how: Rubbing,
-        body: &str,
-        other: &str,
-        index: usize,
+        side: Side<'_>,
         sound: String,
     ) -> Result<u64> {
+        let Side { body, other, index } = side;
         let time_s = rub.time_s;
         let (_, object) = self.carried(index, body, rub.position_m, time_s)?;
-        let cause = format!("{body} {} along {other}, {}", how.verb(), rub.cause);
+        let cause = format!("{body} {} along {other}, {}", verb(how), rub.cause);
         let start = Start { object, cause, ..Start::new(sound) };
         let voice = Voice {
             start: Some(start),
@@ -278,7 +270,7 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
             self.due.push(Reverse(Due { time_s, what: What::Line, id }));
         }
         if let Some(&(cue_s, _)) = told.first() {
-            if voice.cues.is_empty() {
+            if voice.cues.front().is_none_or(|&(next_s, _)| cue_s < next_s) {
                 self.due.push(Reverse(Due { time_s: cue_s.max(time_s), what: What::Cue, id }));
             }
             voice.cues.extend(told);

@@ -3,11 +3,12 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use super::contacts::Rubbing;
+use super::contacts::Side;
 use super::voice::{Place, Voice};
 use super::{Composer, Group, from_db, tidy};
 use crate::corpus::dictionary;
 use crate::motion::event::{Event, Impact, Rub};
+use crate::motion::rub::Rubbing;
 use crate::random::Random;
 use crate::scene::file::GrainSound;
 use crate::score::retarget::{Course, LONGEST_LEAD_S, Play, Repertoire, Stream, Struck};
@@ -43,11 +44,10 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
     pub(super) fn strike_grains(
         &mut self,
         impact: &Impact,
-        body: &str,
-        other: &str,
-        index: usize,
+        side: Side<'_>,
         sound: &GrainSound,
     ) -> Result<()> {
+        let Side { body, other, index } = side;
         let (name, repertoire) = self.repertoire(sound)?;
         let group = Group::Impact(index);
         let random = Random::new(self.scene.seed, GRAINS ^ group.number());
@@ -115,9 +115,7 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
         &mut self,
         rub: &Rub,
         how: Rubbing,
-        body: &str,
-        other: &str,
-        index: usize,
+        side: Side<'_>,
         sound: &GrainSound,
     ) -> Result<()> {
         let (name, repertoire) = self.repertoire(sound)?;
@@ -128,10 +126,10 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
         if repertoire.lasting(action).is_empty() {
             return Ok(());
         }
-        let id = match self.rubs_already(body, other, index, how) {
+        let id = match self.rubs_already(side, how) {
             Some(id) => id,
             None => {
-                let id = self.begin_rub(rub, how, body, other, index, name)?;
+                let id = self.begin_rub(rub, how, side, name)?;
                 let random = Random::new(self.scene.seed ^ GRAINS, id);
                 let stream = Stream::new(&repertoire, action, random);
                 self.streams.insert(id, Flow { begin_s: rub.time_s, stream });

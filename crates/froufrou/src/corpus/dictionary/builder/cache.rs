@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::corpus::dictionary::manifest::Listed;
 use crate::corpus::dictionary::packed::{self, Reader, Writer};
-use crate::corpus::dictionary::prepare::{Prepared, floats};
+use crate::corpus::dictionary::prepare::Prepared;
 use crate::corpus::dictionary::sinusoids::{CACHE, write};
 use crate::corpus::dictionary::{Settings, index};
 use crate::corpus::grains::patterns::Peak;
@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::render::flac;
 
 /// What the first lines of files say. Another way to compute what is in them asks for another number.
-const CUT: &str = "froufrou cut 1";
+const CUT: &str = "froufrou cut 2";
 const PAIRS: &str = "froufrou pairs 1";
 
 fn toml_of(value: &impl serde::Serialize) -> Result<String> {
@@ -52,7 +52,9 @@ impl Analysis {
     fn parse(bytes: &[u8], contact: Contact) -> Result<Self> {
         let content = packed::open(CUT, bytes, false)?;
         let mut reader = Reader::new(&content);
-        let clipped = reader.number()?;
+        let halvings = reader.number()?;
+        let halvings = u32::try_from(halvings).ok().filter(|times| *times <= f32::MAX_EXP as u32);
+        let halvings = halvings.ok_or_else(|| Error::new("sound is not halved so often"))?;
         let original_bytes = reader.number()?;
         let mut double = || {
             let bits = reader.take(8)?.iter().rev().fold(0, |bits, byte| bits << 8 | u64::from(*byte));
@@ -70,18 +72,17 @@ impl Analysis {
         reader.end()?;
         let item = items.into_iter().next().filter(|item| item.length == samples.len());
         let segments = item.map(|item| item.segments);
-        Ok(Self { prepared: Prepared { samples, clipped, original_bytes, energy, lost }, segments })
+        Ok(Self { prepared: Prepared { samples, halvings, original_bytes, energy, lost }, segments })
     }
 
     pub fn write(&self, corpus: &Path, key: &str, rate_hz: u32, contact: Contact) -> Result<()> {
         let prepared = &self.prepared;
         let mut writer = Writer::default();
-        writer.number(prepared.clipped);
+        writer.number(u64::from(prepared.halvings));
         writer.number(prepared.original_bytes);
         for value in [prepared.energy, prepared.lost] {
             writer.bytes.extend_from_slice(&value.to_bits().to_le_bytes());
         }
-        debug_assert!(floats(&prepared.samples).len() == prepared.samples.len());
         let flac = flac::encode_mono(&prepared.samples, rate_hz)?;
         let segments = self.segments.clone().unwrap_or_default();
         let item = index::Item { length: prepared.samples.len(), segments, ..index::Item::default() };

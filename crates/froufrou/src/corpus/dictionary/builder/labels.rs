@@ -74,6 +74,7 @@ pub(super) fn label(recordings: &Path, found: &[Found], before: Option<&Manifest
             },
         };
         listed.push(Listed {
+            halvings: 0,
             name: found.name.clone(),
             contact,
             action,

@@ -42,7 +42,7 @@ pub(super) fn candidates(
 /// where its grain correlates best, without its window.
 pub(super) fn shares(
     dictionary: &Dictionary,
-    sounds: &[&[i16]],
+    sounds: &[Vec<f32>],
     candidates: &[Candidate],
     share_from: f64,
 ) -> Vec<Vec<Share>> {
@@ -74,6 +74,6 @@ pub(super) fn shares(
     shares
 }
 
-fn product(a: &[i16], b: &[i16]) -> f64 {
+fn product(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum()
 }
