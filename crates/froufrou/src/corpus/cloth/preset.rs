@@ -15,25 +15,6 @@ pub struct AnimationPreset {
     pub least_buckling: Option<f64>,
 }
 
-/// How the sound of a cloth was selected from recordings.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SelectionPreset {
-    /// The cloth.
-    pub cloth: &'static str,
-    /// The animation.
-    pub animation: &'static str,
-    /// How stiff the warp of features is (λ).
-    pub stiffness: f64,
-    /// How many units are compared at once (L).
-    pub look_ahead: usize,
-    /// Of the Gaussian smoothing of each feature, in units; the standard deviation is a quarter.
-    pub widths: [f64; 3],
-    /// The length of a unit, in seconds.
-    pub unit_s: f64,
-    /// The greatest distance of features (d_max).
-    pub farthest: f64,
-}
-
 /// The energy over 20 ms above which there is a pop (E_thresh), as [`pops`](super::pops) understand it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PopPreset {
@@ -66,28 +47,6 @@ pub const ANIMATIONS: [AnimationPreset; 11] = [
     animation("corduroy", "boxing", 0.05, 1.0, None),
     animation("corduroy", "jogging", 0.05, 2.0, None),
     animation("windbreaker", "first-person boxing", 0.05, 1.0, Some(172_875.0)),
-];
-
-const fn selection(
-    cloth: &'static str,
-    animation: &'static str,
-    stiffness: f64,
-    look_ahead: usize,
-    widths: [f64; 3],
-) -> SelectionPreset {
-    // Corduroy has longer units, and its features may lie farther apart.
-    let is_corduroy = matches!(cloth.as_bytes(), b"corduroy");
-    let (unit_s, farthest) = if is_corduroy { (0.0167, 3.0) } else { (0.0042, 2.0) };
-    SelectionPreset { cloth, animation, stiffness, look_ahead, widths, unit_s, farthest }
-}
-
-/// All selections of the paper.
-pub const SELECTIONS: [SelectionPreset; 5] = [
-    selection("cotton", "sheet", 1e2, 5, [20.0, 50.0, 10.0]),
-    selection("polyester", "sheet", 1e5, 10, [10.0, 50.0, 20.0]),
-    selection("windbreaker", "exercises", 1e5, 5, [20.0, 30.0, 10.0]),
-    selection("corduroy", "exercises", 0.0, 10, [20.0, 30.0, 10.0]),
-    selection("windbreaker", "first-person boxing", 1e5, 5, [20.0, 30.0, 10.0]),
 ];
 
 /// All thresholds of the paper.

@@ -122,10 +122,10 @@ fn against(table: &Table<'_, '_>, folder: &Folder) -> Result<Vec<(String, String
 
 fn preset(node: &Node<'_, '_>) -> Result<&'static preset::AnimationPreset> {
     let name = node.text("a cloth and an animation of An et al., such as \"cotton/sheet\"")?;
-    let known = || preset::ANIMATIONS.iter().map(|preset| format!("{}/{}", preset.cloth, preset.animation));
-    let found = preset::ANIMATIONS.iter().zip(known()).find(|(_, known)| *known == name);
-    found.map(|(preset, _)| preset).ok_or_else(|| {
-        let known: Vec<String> = known().collect();
+    let found = name.split_once('/').and_then(|(cloth, animation)| preset::of_animation(cloth, animation));
+    found.ok_or_else(|| {
+        let names = preset::ANIMATIONS.iter().map(|preset| format!("{}/{}", preset.cloth, preset.animation));
+        let known: Vec<String> = names.collect();
         node.error(format!("there is no preset {name:?}: there are {}", known.join(", ")))
     })
 }
