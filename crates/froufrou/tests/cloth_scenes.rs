@@ -1,8 +1,11 @@
 //! Scenes with cloth, all the way from meshes to samples.
 
+mod data;
 mod studio;
 
+use data::data;
 use froufrou::corpus::cloth::{ClothSound, spectra};
+use froufrou::motion::Event;
 use froufrou::score::{ObjectLine, Statement, Verb};
 use studio::{Studio, Take};
 
@@ -171,4 +174,32 @@ fn cloth_without_a_mesh_and_models_that_are_none_are_told() {
         .replace("source = 'sheet.pc2#/*'\nframe_rate = 60", "position = [0, 0, 0]");
     let told = fault(&flat);
     assert!(told.contains("sheet: it is of cloth and has no mesh"), "{told}");
+}
+
+/// It touches nothing: there is no friction to hear, and as a membrane it is heard in the wind.
+#[test]
+fn a_flag_is_silent_in_friction_and_heard_as_a_membrane() {
+    let Some(path) = data("anim/flag.abc") else { return };
+    let studio = Studio::new();
+    std::fs::copy(path, studio.path("flag.abc")).unwrap();
+    let render = |cloth: &str, wind: &str| {
+        let scene = format!(
+            "seed = 2\nduration = 6\n{wind}[[microphone]]\nname = 'm'\nposition = [0, 1, 2]\n\
+             [material.linen]\ncloth = {{ corpus = 'synthetic/cotton', pops_db = -200{cloth} }}\n\
+             [[object]]\nname = 'flag'\nsource = 'flag.abc#/Flag/*'\nmaterial = 'linen'\n"
+        );
+        let events: Vec<Event> =
+            studio.production(&scene).unwrap().events().unwrap().map(|event| event.unwrap()).collect();
+        let sound = studio.scene(&scene, Take::at(RATE_HZ)).unwrap().channel(0);
+        (events, 10.0 * power(&sound, 1.0, 6.0).max(1e-30).log10())
+    };
+    let wind = "[wind]\nvelocity = [6, 0, 0]\ngusts = 0.4\n";
+    let (events, friction) = render("", wind);
+    let area = |event: &Event| event.friction().map_or(0.0, |f| f.area_m2 * f.speed_mps * f.lasts_s);
+    assert!(events.iter().map(area).sum::<f64>() < 0.02 * 1.2 * 0.8 * 6.0);
+    let (_, still) = render(", membrane = true", "");
+    let (events, blown) = render(", membrane = true", wind);
+    println!("friction {friction:.1} dB, membrane in still air {still:.1} dB, in the wind {blown:.1} dB");
+    assert!(events.iter().any(|event| matches!(event, Event::Flap(flap) if flap.tension_n_per_m > 0.0)));
+    assert!(blown > friction + 20.0 && blown > still + 20.0 && blown > -70.0);
 }
