@@ -103,7 +103,7 @@ with tempfile.TemporaryDirectory() as name:
     print(f"  curvature: libigl {1e3 * curvature_s:.2f}, froufrou {ours_ms:.3f}: {1e3 * curvature_s / ours_ms:.0f} times as fast")
     print(f"  curvature and buckles: froufrou {of_frame(one, 'both'):.3f}")
     print(f"  taking up both meshes: froufrou {of_frame(one, 'follow'):.3f}")
-    print(f"  closest triangles, with taking up the meshes: libigl {1e3 * query_s:.2f} ({1e9 * query_s / vertices:.0f} ns a query)")
+    print(f"  closest triangles, with taking up the other mesh: libigl {1e3 * query_s:.2f} ({1e9 * query_s / vertices:.0f} ns a query)")
     for radius in ("any", "near"):
         ours_ms = of_frame(one, radius)
         print(f"    froufrou, {radius:4}: {ours_ms:.2f} ({1e6 * ours_ms / vertices:.0f} ns a query): {1e3 * query_s / ours_ms:.1f} times as fast")

@@ -223,6 +223,7 @@ impl Tree {
                 if node.child == 0 {
                     let slot = node.first + lane;
                     if squares[lane as usize] <= bound
+                        && (object, self.order[slot as usize]) != (best.object, best.triangle)
                         && (left_out.is_empty() || !holds(left_out, slot, slot + 1))
                     {
                         let found = nearest(wide, self.corners(slot));
