@@ -354,6 +354,7 @@ fn what_a_score_says_wrongly_of_an_instrument_is_told() {
         ("needle", "start 1 0 s 1 0\nset 1 0 sped 3\nend 1 1\n", "it has speed"),
         ("modes \"none.json\"", "start 1 0 s 1 0\nend 1 1\n", "none.json"),
         ("modes", "start 1 0 s 1 0\nend 1 1\n", "no mode"),
+        ("needle with \"\" 3", "start 1 0 s 1 0\nend 1 1\n", "a value has an empty name"),
         ("cloth \"none\"", "start 1 0 s 1 0\nend 1 1\n", "corpus.toml"),
         ("cloth \"synthetic/silk\"", "start 1 0 s 1 0\nend 1 1\n", "no synthetic cloth `silk`"),
         ("cloth \"synthetic/corduroy\"", "start 1 0 s 1 0\ngrain 1 0 0\nend 1 1\n", "told to play a grain"),

@@ -195,6 +195,9 @@ fn read_values(words: &mut Words<'_>) -> Result<Vec<(String, f64)>> {
     let mut values: Vec<(String, f64)> = Vec::new();
     loop {
         let name = words.name("the name of a value")?.into_owned();
+        if name.is_empty() {
+            return Err(words.fault("a value has an empty name"));
+        }
         if values.iter().any(|(given, _)| *given == name) {
             return Err(words.fault(format!("`{name}` is given twice")));
         }
