@@ -160,7 +160,7 @@ impl SelectionSettings {
                 return Err(fault(key, format!("is {value}, expected at most {MOST_UNITS}")));
             }
         }
-        if !(self.d_max >= 0.0) {
+        if self.d_max.is_nan() || self.d_max < 0.0 {
             return Err(fault("d_max", format!("is {}, expected 0 or more", self.d_max)));
         }
         if !(self.jump_cost >= 0.0 && self.jump_cost.is_finite()) {

@@ -177,7 +177,7 @@ impl Cholesky {
                 row[j] = (row[j] - dot(&row[..j], &other[..j])) / other[j];
             }
             let pivot = row[i] - dot(&row[..i], &row[..i]);
-            if !(pivot > LEAST_PIVOT * largest) {
+            if pivot.is_nan() || pivot <= LEAST_PIVOT * largest {
                 return Err(Error::new("the warp has no solution that could be told from rounding"));
             }
             row[i] = pivot.sqrt();
