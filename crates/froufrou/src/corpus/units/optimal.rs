@@ -1,6 +1,6 @@
 //! The best selection for a whole target.
 //!
-//! With the distances of [`selection`](super::selection), a sequence J costs
+//! With the distances of [`selection`], a sequence J costs
 //!
 //! ```text
 //! the number of i with D1(i, J(i)) > d_max,
