@@ -32,7 +32,7 @@ pub fn clouds(
     size: PictureSize,
 ) -> Result<()> {
     let mut sheet = Sheet::new(size)?;
-    let whole = sheet.inside(124.0, 110.0, 40.0, 88.0);
+    let whole = sheet.inside(124.0, 110.0, 40.0, 104.0);
     let facts = format!("{} units of the recordings, {} clips", ground.len(), clips.len());
     sheet.title(title, &facts, whole.left, whole.right);
     let points = || {
