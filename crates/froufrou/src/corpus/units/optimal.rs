@@ -223,7 +223,7 @@ impl Program<'_> {
             for (at, way) in last.iter().enumerate() {
                 let follows = self.index.follows(way.chosen.unit, chosen.unit);
                 if !follows && jumping >= self.ways {
-                    self.is_whole &= self.bars(number, at, chosen.unit);
+                    self.is_whole = self.is_whole && self.bars(number, at, chosen.unit);
                     continue;
                 }
                 if self.bars(number, at, chosen.unit) {
