@@ -21,7 +21,7 @@ target!(|bytes| {
     for number in 0..3_u64 {
         let strikes = if number == 0 { &strikes[..] } else { &[] };
         let first = number * out.len() as u64;
-        let stretch = Stretch { first, rate_hz: RATE_HZ, controls: &[], strikes };
+        let stretch = Stretch { first, rate_hz: RATE_HZ, controls: &[], strikes, grains: &[] };
         if voice.generate(&stretch, &mut out).is_err() {
             return;
         }

@@ -21,7 +21,7 @@ fn sound(procedure: &Procedure) {
             .collect();
         let strikes = if number == 0 { &strikes[..] } else { &[] };
         let first = number * out.len() as u64;
-        let stretch = Stretch { first, rate_hz: RATE_HZ, controls: &controls, strikes };
+        let stretch = Stretch { first, rate_hz: RATE_HZ, controls: &controls, strikes, grains: &[] };
         if voice.generate(&stretch, &mut out).is_err() {
             return;
         }

@@ -1,19 +1,11 @@
 //! Runs `froufrou corpus` on small recordings, and on cloths that need none.
 
-#[allow(dead_code)]
 mod common;
 
 use std::path::Path;
 
-use common::{froufrou, good, message, wav};
+use common::{froufrou, good, message, told, wav};
 use froufrou::random::Random;
-use serde_json::Value;
-
-fn told(arguments: &[&str]) -> Value {
-    let output = froufrou(arguments.iter().copied().chain(["--json"]));
-    good(&output);
-    serde_json::from_slice(&output.stdout).expect("JSON")
-}
 
 #[test]
 fn a_corpus_of_cloth_is_built_told_of_drawn_and_played() {

@@ -1,14 +1,12 @@
 //! Runs `froufrou grains` on small recordings.
 
-#[allow(dead_code)]
 mod common;
 
 use std::path::Path;
 
-use common::{froufrou, good, message, wav};
+use common::{froufrou, good, message, told, wav};
 use froufrou::corpus::recording::Recording;
 use froufrou::random::Random;
-use serde_json::Value;
 
 /// Knocks that fade, twice.
 fn knocks(seed: u64) -> Vec<f32> {
@@ -20,12 +18,6 @@ fn knocks(seed: u64) -> Vec<f32> {
             0.5 * (-30.0 * t).exp() * ring
         })
         .collect()
-}
-
-fn told(arguments: &[&str]) -> Value {
-    let output = froufrou(arguments.iter().copied().chain(["--json"]));
-    good(&output);
-    serde_json::from_slice(&output.stdout).expect("JSON")
 }
 
 #[test]

@@ -1,7 +1,6 @@
 //! What a soundtrack is written to: WAV and FLAC, what they say of themselves, projects, help pages.
 
 // Other tests use more of it.
-#[allow(dead_code)]
 mod common;
 
 use std::collections::BTreeSet;

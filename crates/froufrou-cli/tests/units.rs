@@ -1,15 +1,13 @@
 //! Runs `froufrou features`, `warp` and `concatenate` on small recordings.
 
-#[allow(dead_code)]
 mod common;
 
 use std::path::Path;
 
-use common::{froufrou, good, message, wav};
+use common::{froufrou, good, message, told, wav};
 use froufrou::corpus::recording::Recording;
 use froufrou::corpus::units::warp::WarpFile;
 use froufrou::random::Random;
-use serde_json::Value;
 
 /// Noise that swells and fades, of a colour and a loudness.
 fn rustle(seed: u64, frames: usize, gain: f64, bright: f64) -> Vec<f32> {
@@ -23,12 +21,6 @@ fn rustle(seed: u64, frames: usize, gain: f64, bright: f64) -> Vec<f32> {
             (gain * swell * low) as f32
         })
         .collect()
-}
-
-fn told(arguments: &[&str]) -> Value {
-    let output = froufrou(arguments.iter().copied().chain(["--json"]));
-    good(&output);
-    serde_json::from_slice(&output.stdout).expect("JSON")
 }
 
 #[test]

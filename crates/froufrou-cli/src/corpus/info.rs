@@ -27,15 +27,8 @@ pub struct Info {
     #[arg(long, value_name = "PNG")]
     plot: Option<PathBuf>,
 
-    /// Width of the picture in pixels
-    #[arg(long, value_name = "PX", default_value_t = PictureSize::default().width_px,
-        value_parser = clap::value_parser!(u32).range(240..=16384))]
-    width: u32,
-
-    /// Height of the picture in pixels
-    #[arg(long, value_name = "PX", default_value_t = PictureSize::default().height_px,
-        value_parser = clap::value_parser!(u32).range(240..=16384))]
-    height: u32,
+    #[command(flatten)]
+    size: PictureSize,
 
     /// Write one JSON object, for programs to read
     #[arg(long)]
@@ -152,7 +145,7 @@ impl Info {
     pub fn run(self) -> Result<()> {
         let sound = ClothSound::named(&self.corpus.to_string_lossy(), Path::new(""))?;
         if let Some(png) = &self.plot {
-            let size = PictureSize { width_px: self.width, height_px: self.height };
+            let size = self.size;
             cloth::draw(&sound, size)?.save(png)?;
         }
         let findings = Findings::of(&sound);

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 use froufrou::corpus::dictionary::Dictionary;
+use froufrou::corpus::naming;
 use froufrou::corpus::resynthesis::{Own, Sequence};
 use froufrou::render::format::{SampleFormat, SoundFormat};
 use froufrou::render::labels::Labels;
@@ -148,27 +149,8 @@ pub fn tell(value: &impl Serialize, sheet: &Sheet, json: bool) -> Result<()> {
     std::io::stdout().lock().write_all(text.as_bytes()).map_err(|fault| Error::io("write", "-", fault))
 }
 
-/// The recording of a corpus that is called so: its name, the end of it, or what no other has in its name.
+/// The recording of a corpus that is called so.
 fn find(dictionary: &Dictionary, corpus: &Path, wanted: &str) -> Result<usize> {
-    let recordings = dictionary.recordings();
-    let named = |test: &dyn Fn(&str) -> bool| -> Vec<usize> {
-        (0..recordings.len()).filter(|&number| test(&recordings[number].name)).collect()
-    };
-    let exact = named(&|name| name == wanted);
-    let ends = || named(&|name| Path::new(name).ends_with(wanted));
-    let within = || named(&|name| name.to_lowercase().contains(&wanted.to_lowercase()));
-    let found = [exact, ends(), within()].into_iter().find(|found| !found.is_empty()).unwrap_or_default();
-    match *found.as_slice() {
-        [one] => Ok(one),
-        [] => Err(Error::new(format!("the corpus has no recording `{wanted}`"))
-            .in_file(corpus)
-            .help("`froufrou info CORPUS` lists them")),
-        [a, b, ..] => Err(Error::new(format!(
-            "`{wanted}` is in the names of {} recordings, such as {} and {}",
-            found.len(),
-            recordings[a].name,
-            recordings[b].name
-        ))
-        .in_file(corpus)),
-    }
+    let names: Vec<&str> = dictionary.recordings().iter().map(|recording| &*recording.name).collect();
+    naming::find(&names, wanted).map_err(|fault| fault.in_file(corpus))
 }

@@ -44,14 +44,8 @@ pub struct Plot {
     /// The picture, a PNG file; left out, it lies beside FILE with the ending `.png`.
     #[arg(short, long, value_name = "PNG")]
     output: Option<PathBuf>,
-    /// Width of the picture in pixels.
-    #[arg(long, value_name = "PX", default_value_t = PictureSize::default().width_px,
-        value_parser = clap::value_parser!(u32).range(240..=16384))]
-    width: u32,
-    /// Height of the picture in pixels.
-    #[arg(long, value_name = "PX", default_value_t = PictureSize::default().height_px,
-        value_parser = clap::value_parser!(u32).range(240..=16384))]
-    height: u32,
+    #[command(flatten)]
+    size: PictureSize,
     /// The first second that is shown.
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     from: Option<f64>,
@@ -79,7 +73,7 @@ impl Plot {
     /// cannot be written.
     pub fn run(self) -> Result<()> {
         let kind = FileKind::of(&self.file, READABLE)?;
-        let size = PictureSize { width_px: self.width, height_px: self.height };
+        let size = self.size;
         let title = self.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let asked = Span { from_s: self.from, to_s: self.to };
         asked.check()?;

@@ -6,12 +6,17 @@ use super::axis::{Scale, Tick};
 use super::canvas::{Anchor, Canvas, Lettering, Rectangle};
 use super::colour::{Colour, GREY, GRID, INK, RULE};
 
-/// How big a picture is, in pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// How big a picture is, in pixels; the options of commands that draw one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::Args)]
 pub struct PictureSize {
-    /// From left to right.
+    /// Width of the picture in pixels
+    #[arg(long = "width", value_name = "PX", default_value_t = PictureSize::default().width_px,
+        value_parser = clap::value_parser!(u32).range(240..=16384))]
     pub width_px: u32,
-    /// From top to bottom.
+
+    /// Height of the picture in pixels
+    #[arg(long = "height", value_name = "PX", default_value_t = PictureSize::default().height_px,
+        value_parser = clap::value_parser!(u32).range(240..=16384))]
     pub height_px: u32,
 }
 

@@ -35,15 +35,8 @@ pub struct PlotWarp {
     #[arg(long, value_name = "ACROSS,UP", value_delimiter = ',', num_args = 2, default_value = "0,1")]
     coefficients: Vec<usize>,
 
-    /// Width of the picture in pixels
-    #[arg(long, value_name = "PX", default_value_t = PictureSize::default().width_px,
-        value_parser = clap::value_parser!(u32).range(240..=16384))]
-    width: u32,
-
-    /// Height of the picture in pixels
-    #[arg(long, value_name = "PX", default_value_t = PictureSize::default().height_px,
-        value_parser = clap::value_parser!(u32).range(240..=16384))]
-    height: u32,
+    #[command(flatten)]
+    size: PictureSize,
 }
 
 impl PlotWarp {
@@ -84,7 +77,7 @@ impl PlotWarp {
             .collect();
         let output = self.output.unwrap_or_else(|| self.warp.with_extension("png"));
         let title = self.warp.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let size = PictureSize { width_px: self.width, height_px: self.height };
+        let size = self.size;
         clouds(&output, &title, axes, &ground, &all, size)
     }
 }

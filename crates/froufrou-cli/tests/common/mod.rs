@@ -1,4 +1,5 @@
 //! Running the command, and the small files that it is run on.
+#![allow(dead_code)] // Each test program uses a part of it.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -20,6 +21,13 @@ pub fn message(output: &Output) -> String {
 /// Fails unless it ended well.
 pub fn good(output: &Output) {
     assert!(output.status.success(), "{}", message(output));
+}
+
+/// What it tells a program, where it ends well.
+pub fn told(arguments: &[&str]) -> serde_json::Value {
+    let output = froufrou(arguments.iter().copied().chain(["--json"]));
+    good(&output);
+    serde_json::from_slice(&output.stdout).expect("JSON")
 }
 
 /// Writes a WAV file of interleaved samples.

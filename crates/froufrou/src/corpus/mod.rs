@@ -5,6 +5,7 @@ pub mod dictionary;
 pub mod distance;
 pub mod grains;
 pub mod looping;
+pub mod naming;
 pub mod recording;
 pub mod resynthesis;
 pub mod spectral;

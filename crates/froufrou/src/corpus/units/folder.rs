@@ -32,6 +32,7 @@ use super::settings::{Channels, Settings};
 use super::smoothing::smooth;
 use super::warp::{Basis, Clip, Warp};
 use crate::corpus::dictionary::prepare;
+use crate::corpus::naming::find;
 use crate::corpus::recording::Recording;
 use crate::error::{Error, Place, Result};
 
@@ -281,8 +282,9 @@ impl Corpus {
         if from.saturating_add(count) > lane.len() {
             return Err(beyond("the target", pair.target_s, lane.len()));
         }
+        let names: Vec<&str> = self.recordings.iter().map(|recording| &*recording.name).collect();
         let recording =
-            self.find(&pair.recording).map_err(|e| e.at(Place::Line { line: pair.line, column: 0 }))?;
+            find(&names, &pair.recording).map_err(|e| e.at(Place::Line { line: pair.line, column: 0 }))?;
         let wanted = Stream { recording, channel: (!is_joint).then_some(pair.source_channel) };
         let stream = self.streams.iter().position(|stream| *stream == wanted).ok_or_else(|| {
             let channels = self.recordings[recording].channels;
@@ -352,31 +354,6 @@ impl Corpus {
             return Ok(());
         };
         Err(Error::new(format!("the warp was fitted to {differs}")).help("fit it again with this corpus"))
-    }
-
-    /// The recording that is called so: by its name, the end of it, or what no other has in its name.
-    fn find(&self, wanted: &str) -> Result<usize> {
-        let named = |test: &dyn Fn(&str) -> bool| -> Vec<usize> {
-            (0..self.recordings.len()).filter(|&i| test(&self.recordings[i].name)).collect()
-        };
-        let exact = named(&|name| name == wanted);
-        let ends = || named(&|name| Path::new(name).ends_with(wanted));
-        let within = || named(&|name| name.to_lowercase().contains(&wanted.to_lowercase()));
-        let found = [exact, ends(), within()].into_iter().find(|found| !found.is_empty()).unwrap_or_default();
-        match *found.as_slice() {
-            [one] => Ok(one),
-            [] => {
-                let names: Vec<&str> = self.recordings.iter().map(|r| r.name.as_str()).take(8).collect();
-                Err(Error::new(format!("the corpus has no recording `{wanted}`"))
-                    .help(format!("it has {}", names.join(", "))))
-            }
-            [a, b, ..] => Err(Error::new(format!(
-                "`{wanted}` is in the names of {} recordings, such as {} and {}",
-                found.len(),
-                self.recordings[a].name,
-                self.recordings[b].name
-            ))),
-        }
     }
 }
 
