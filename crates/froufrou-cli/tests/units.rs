@@ -110,5 +110,5 @@ fn faults_are_told() {
     );
     let text = std::fs::read_to_string(&warp).expect("a warp").replace("version = 1", "version = 9");
     std::fs::write(&warp, text).expect("a file");
-    fails(&["warp", "plot", &warp, &corpus], "version is 9");
+    fails(&["warp", "plot", &warp, &corpus], "version: is 9, expected 1");
 }
