@@ -37,7 +37,7 @@ pub enum Told {
 /// use froufrou::motion::cloth::{ClothSettings, Participant};
 /// use froufrou::motion::moving_cloth::{MovingCloth, Told};
 /// use froufrou::scene::{Scene, world::World};
-/// let scene = Scene::open("scene.toml")?;
+/// let scene = Scene::open("scene.toml", false)?;
 /// let world = World::open(&scene)?;
 /// let mut bodies = Vec::new();
 /// for body in world.objects.iter().flatten() {
