@@ -1,4 +1,5 @@
-"""Thins simulated cloth of the test data to what examples need: every second vertex and frame, as point caches.
+"""Thins simulated cloth of the test data to what examples need: some of its vertices and every second frame, as point
+caches.
 
 Dev-only. Needs numpy and alembic3d from PyPI, and the test data's animations (simulated in Blender by make_animations.py):
 
@@ -14,28 +15,28 @@ from alembic3d import Abc, AbcGeom
 
 HERE = pathlib.Path(__file__).resolve().parent
 ANIMATIONS = pathlib.Path(sys.argv[1])
-THIN, FPS = 2, 60
+EVERY_FRAME, FPS = 2, 60
 
 
-def thin(animation, name, columns, rows, to):
+def thin(animation, name, columns, rows, every, to):
     """Writes a grid of vertices, row by row, and its faces."""
     top = Abc.IArchive(str(ANIMATIONS / animation)).getTop()
     positions = AbcGeom.IPolyMesh(top.getChild(name), name).getSchema().getPositionsProperty()
     to_world = AbcGeom.IXform(top, name).getSchema().getValue().getMatrix()
     to_world = np.array([[to_world[i][j] for j in range(4)] for i in range(4)])
     frames = []
-    for frame in range(0, positions.getNumSamples(), THIN):
+    for frame in range(0, positions.getNumSamples(), EVERY_FRAME):
         # Its selector takes seconds; the first sample is frame 1.
         sample = positions.getValue(Abc.ISampleSelector(float((frame + 1) / FPS)))
         points = np.array([[v[0], v[1], v[2], 1] for v in sample]) @ to_world
         grid = points[:, :3].reshape(rows, columns, 3)
-        frames.append(grid[::THIN, ::THIN].reshape(-1, 3))
+        frames.append(grid[::every, ::every].reshape(-1, 3))
     frames = np.array(frames, dtype="<f4")
     count, vertices, _ = frames.shape
     header = b"POINTCACHE2\0" + np.array([1, vertices], "<i4").tobytes()
     header += np.array([1, 1], "<f4").tobytes() + np.array([count], "<i4").tobytes()
     to.with_suffix(".pc2").write_bytes(header + frames.tobytes())
-    columns, rows = (columns + THIN - 1) // THIN, (rows + THIN - 1) // THIN
+    columns, rows = (columns - 1) // every + 1, (rows - 1) // every + 1
     lines = [f"v {x:.4f} {y:.4f} {z:.4f}" for x, y, z in frames[0]]
     for row in range(rows - 1):
         for column in range(columns - 1):
@@ -44,8 +45,8 @@ def thin(animation, name, columns, rows, to):
     to.with_suffix(".obj").write_text("\n".join(lines) + "\n")
 
 
-thin("sheet.abc", "Sheet", 49, 49, HERE / "cloth/sheet")
-thin("flag.abc", "Flag", 49, 33, HERE / "flag/flag")
+thin("sheet.abc", "Sheet", 49, 49, 4, HERE / "cloth/sheet")
+thin("flag.abc", "Flag", 49, 33, 4, HERE / "flag/flag")
 
 # The floor under the sheet, and the cylinder that lies along z.
 around = 48

@@ -131,7 +131,37 @@ pub enum Make {
     },
 }
 
+/// The words for instruments, in scenes and in scores.
+pub(crate) const INSTRUMENTS: &[&str] = &[
+    "string",
+    "bar",
+    "free-bar",
+    "clamped-bar",
+    "modes",
+    "needle",
+    "stick-slip",
+    "turbulence",
+    "membrane",
+    "procedure",
+    "cloth",
+];
+
 impl Make {
+    /// The instrument of which a word says all; none where more has to be said.
+    pub(crate) fn of_word(word: &str) -> Option<Self> {
+        Some(match word {
+            "string" => Make::String,
+            "bar" => Make::Bar(Held::Supported),
+            "free-bar" => Make::Bar(Held::Free),
+            "clamped-bar" => Make::Bar(Held::Clamped),
+            "needle" => Make::Needle,
+            "stick-slip" => Make::StickSlip,
+            "turbulence" => Make::Turbulence,
+            "membrane" => Make::Membrane,
+            _ => return None,
+        })
+    }
+
     /// The path of the file that it needs, if it needs one.
     pub fn file(&self) -> Option<&str> {
         match self {

@@ -9,8 +9,8 @@ use super::note::{Declared, Note};
 use super::rules::{Fault, Named, Rules, Step};
 use super::space::{ChannelSpace, LineRef, ObjectSpace, Space, once, push_whereabouts, read_whereabouts};
 use super::{
-    Action, Blow, Cue, Grain, Header, Held, Make, MicrophoneKey, Mode, Order, Pattern, Radiation, Repeat,
-    Sound, Start, Statement, Verb, quantity,
+    Action, Blow, Cue, Grain, Header, INSTRUMENTS, Make, MicrophoneKey, Mode, Order, Pattern, Radiation,
+    Repeat, Sound, Start, Statement, Verb, quantity,
 };
 use crate::{Error, Place, Result};
 
@@ -24,21 +24,8 @@ const DECLARATIONS: [&str; 8] =
 const THREAD_VERBS: [&str; 5] = ["start", "path", "key", "jump", "end"];
 const CUE_VERBS: [&str; 3] = ["set", "strike", "grain"];
 const START_CLAUSES: [&str; 5] = ["speed", "offset", "object", "cause", "pattern"];
-/// The words for synthesised sounds.
-const KINDS: [&str; 12] = [
-    "string",
-    "bar",
-    "free-bar",
-    "clamped-bar",
-    "modes",
-    "needle",
-    "stick-slip",
-    "turbulence",
-    "membrane",
-    "procedure",
-    "grains",
-    "cloth",
-];
+/// What makes a sound of the grains of a corpus.
+const GRAINS: &str = "grains";
 
 /// Reads the first line, which tells the space.
 pub fn read_first_line<R: BufRead>(lines: &mut Lines<R>, note: &mut Option<Note>) -> Result<&'static str> {
@@ -137,27 +124,22 @@ pub fn read_sound(words: &mut Words<'_>) -> Result<Sound> {
     let name = words.name("the sound's name")?.into_owned();
     let quoted = words.peek() == Some(b'"');
     let file = words.name("the path of the recording, or what makes the sound")?;
-    if quoted || !KINDS.contains(&file.as_ref()) {
+    if quoted || !(INSTRUMENTS.contains(&file.as_ref()) || file == GRAINS) {
         return read_recording(name, file.into_owned(), words);
     }
-    let make = match file.as_ref() {
-        "string" => Make::String,
-        "bar" => Make::Bar(Held::Supported),
-        "free-bar" => Make::Bar(Held::Free),
-        "clamped-bar" => Make::Bar(Held::Clamped),
-        "modes" => {
+    let make = match (Make::of_word(&file), file.as_ref()) {
+        (Some(make), _) => make,
+        (None, "modes") => {
             let table = match words.peek() {
                 Some(b'"') => Some(words.name("the table of modes")?.into_owned()),
                 _ => None,
             };
             Make::Modes { table, modes: Vec::new() }
         }
-        "needle" => Make::Needle,
-        "stick-slip" => Make::StickSlip,
-        "turbulence" => Make::Turbulence,
-        "membrane" => Make::Membrane,
-        "grains" => Make::Grains { corpus: words.name("the folder of the corpus")?.into_owned() },
-        "cloth" => Make::Cloth { corpus: words.name("the folder of the corpus, or a model")?.into_owned() },
+        (None, GRAINS) => Make::Grains { corpus: words.name("the folder of the corpus")?.into_owned() },
+        (None, "cloth") => {
+            Make::Cloth { corpus: words.name("the folder of the corpus, or a model")?.into_owned() }
+        }
         _ => Make::Procedure { script: words.name("the path of the script")?.into_owned() },
     };
     let with = match words.keyword("`with`")? {

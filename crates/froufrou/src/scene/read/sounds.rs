@@ -11,7 +11,7 @@ use super::super::file::{
 use super::super::toml::{Node, Table};
 use super::{Keys, cloth, one_or_many, unknown, with_place};
 use crate::Result;
-use crate::score::{Blow, Held, Make, Mode, Radiation, Repeat};
+use crate::score::{Blow, INSTRUMENTS, Make, Mode, Radiation, Repeat};
 use crate::space::dipole;
 use crate::space::directivity::Directivity;
 
@@ -116,19 +116,7 @@ pub(super) const START: Keys = &["t", "gain_db", "speed"];
 pub(super) const STRIKE: Keys = &["t", "impulse", "place", "contact"];
 
 /// What makes an instrument.
-pub(super) const KINDS: Keys = &[
-    "string",
-    "bar",
-    "free-bar",
-    "clamped-bar",
-    "modes",
-    "needle",
-    "stick-slip",
-    "turbulence",
-    "membrane",
-    "procedure",
-    "cloth",
-];
+pub(super) const KINDS: Keys = INSTRUMENTS;
 
 /// The most files or patterns in one list of recordings.
 const MOST_RECORDINGS: usize = 10_000;
@@ -158,14 +146,6 @@ fn instrument(name: &str, node: &Node<'_, '_>, folder: &Folder) -> Result<Instru
         Ok(Some(with_place(&node, folder.file(&node.text("the name of a file")?))?.name))
     };
     let make = match kind {
-        "string" => Make::String,
-        "bar" => Make::Bar(Held::Supported),
-        "free-bar" => Make::Bar(Held::Free),
-        "clamped-bar" => Make::Bar(Held::Clamped),
-        "needle" => Make::Needle,
-        "stick-slip" => Make::StickSlip,
-        "turbulence" => Make::Turbulence,
-        "membrane" => Make::Membrane,
         "cloth" => {
             let node = table.required("corpus", cloth::CORPUS)?;
             Make::Cloth { corpus: cloth::corpus(&node, folder)? }
@@ -177,10 +157,11 @@ fn instrument(name: &str, node: &Node<'_, '_>, folder: &Folder) -> Result<Instru
             }
             modes
         }
-        _ => {
+        "procedure" => {
             let missing = || table.error("`script` is missing: expected the name of a script");
             Make::Procedure { script: file("script")?.ok_or_else(missing)? }
         }
+        plain => Make::of_word(plain).ok_or_else(|| table.error("it is no kind of instrument"))?,
     };
     let with = table.get("with").map_or(Ok(Vec::new()), |node| values(&node.named()?, &[]))?;
     Ok(Instrument { name: name.to_owned(), make, with })

@@ -43,19 +43,10 @@ fn pushed(along_m: f64, lifted_m: f64) -> Mesh {
     shapes::sheet(6, 6, |u, v| [u - 0.5 + 0.6 * along_m, 0.01 + lifted_m, v - 0.5 + 0.8 * along_m])
 }
 
-const LOOSE: SlidingSettings = SlidingSettings {
-    radius_m: 0.05,
-    surroundings_m: None,
-    threshold_mps: 0.02,
-    look_ahead_s: 0.25,
-    scale_mps: 1.0,
-    exponent: 1.0,
-};
-
 #[test]
 fn the_speed_is_that_along_the_other_alone() {
     // Pushed at 0.5 m/s, rising slowly at the same time.
-    let told = run(LOOSE, &frames(60.0, 12), |t| [pushed(0.5 * t, 0.02 * t), table()]);
+    let told = run(SlidingSettings::default(), &frames(60.0, 12), |t| [pushed(0.5 * t, 0.02 * t), table()]);
     for sliding in &told {
         assert_eq!(sliding.vertex, (0..49).collect::<Vec<_>>());
         assert!(sliding.speed_mps.iter().all(|s| (s - 0.5).abs() < 1e-4), "{:?}", sliding.speed_mps);
@@ -73,7 +64,7 @@ fn what_moves_as_one_body_does_not_slide() {
         let turn = DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 6.0 * t);
         shapes::placed(mesh, turn, 1.0, DVec3::new(3.0 * t, -t, 0.5))
     };
-    let settings = SlidingSettings { threshold_mps: 0.0, ..LOOSE };
+    let settings = SlidingSettings { threshold_mps: 0.0, ..SlidingSettings::default() };
     let rides = |t: f64| [whirl(&pushed(0.0, 0.02), t), whirl(&table(), t)];
     for sliding in run(settings, &frames(60.0, 10), rides) {
         assert!(sliding.speed_mps.iter().all(|s| *s < 1e-3), "{:?}", sliding.speed_mps);
@@ -89,7 +80,7 @@ fn what_moves_as_one_body_does_not_slide() {
 fn without_a_contact_there_is_no_speed() {
     // It lifts off between 0.2 and 0.3 s, and comes back.
     let height = |t: f64| if (0.2..0.3).contains(&t) { 0.1 } else { 0.0 };
-    let told = run(LOOSE, &frames(60.0, 40), |t| [pushed(0.5 * t, height(t)), table()]);
+    let told = run(SlidingSettings::default(), &frames(60.0, 40), |t| [pushed(0.5 * t, height(t)), table()]);
     for sliding in &told {
         let touches = height(sliding.time_s) == 0.0;
         assert_eq!(sliding.vertex.is_empty(), !touches, "{}", sliding.time_s);
@@ -109,7 +100,7 @@ fn between_frames_the_speed_is_the_monotone_cubic() {
         }
     };
     let times: Vec<f64> = (0..30).map(|i| 0.033 * f64::from(i) + 0.01 * f64::from(i % 3)).collect();
-    let settings = SlidingSettings { threshold_mps: 0.0, ..LOOSE };
+    let settings = SlidingSettings { threshold_mps: 0.0, ..SlidingSettings::default() };
     let told = run(settings, &times, |t| [pushed(along(t), 0.0), table()]);
     let keys: Vec<f64> = told.iter().map(|sliding| sliding.speed_of(24).0).collect();
     for i in 0..29 {
@@ -141,7 +132,7 @@ fn a_vertex_that_is_never_fast_is_silent_and_another_is_heard_a_while_before() {
         let sheet = shapes::sheet(6, 6, |u, v| [u, 0.01, v]);
         [shapes::placed(&sheet, DQuat::from_rotation_y(angle), 1.0, DVec3::ZERO), table()]
     };
-    let settings = SlidingSettings { threshold_mps: 0.2, look_ahead_s: 0.2, ..LOOSE };
+    let settings = SlidingSettings { threshold_mps: 0.2, look_ahead_s: 0.2, ..SlidingSettings::default() };
     let told = run(settings, &frames(50.0, 60), turned);
     let sheet = shapes::sheet(6, 6, |u, v| [u, 0.01, v]);
     for sliding in &told {
@@ -163,21 +154,21 @@ fn a_vertex_that_is_never_fast_is_silent_and_another_is_heard_a_while_before() {
 
 #[test]
 fn the_speed_is_bent_as_asked() {
-    let settings = SlidingSettings { scale_mps: 4.0, exponent: 0.5, ..LOOSE };
+    let settings = SlidingSettings { scale_mps: 4.0, exponent: 0.5, ..SlidingSettings::default() };
     let told = run(settings, &frames(60.0, 6), |t| [pushed(t, 0.0), table()]);
     assert!(told.iter().flat_map(|s| &s.speed_mps).all(|s| (s - 0.5).abs() < 1e-4));
     // The threshold is of the speed as it is.
-    let settings = SlidingSettings { threshold_mps: 1.1, scale_mps: 0.01, ..LOOSE };
+    let settings = SlidingSettings { threshold_mps: 1.1, scale_mps: 0.01, ..SlidingSettings::default() };
     let told = run(settings, &frames(60.0, 6), |t| [pushed(t, 0.0), table()]);
     assert!(told.iter().all(|s| s.vertex.is_empty()));
 }
 
 #[test]
 fn one_frame_has_no_speed_and_two_have_one() {
-    let told = run(LOOSE, &[0.0, 0.1], |t| [pushed(t, 0.0), table()]);
+    let told = run(SlidingSettings::default(), &[0.0, 0.1], |t| [pushed(t, 0.0), table()]);
     assert!(told.iter().all(|s| s.speed_of(10).1 == 0.0 && (s.speed_of(10).0 - 1.0).abs() < 1e-4));
     let objects = [Touchable::new(&pushed(0.0, 0.0)).expect("a sound mesh")];
-    let mut slides = Slides::new(LOOSE, 0, &[0]);
+    let mut slides = Slides::new(SlidingSettings::default(), 0, &[0]);
     slides.feed(0.0, &[None], &objects, &[1.0; 49]);
     slides.finish(&objects);
     assert_eq!(slides.next_sliding(), None);
