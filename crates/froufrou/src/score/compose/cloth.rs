@@ -1,7 +1,8 @@
 //! Cloth: what sounds while it rubs, and when it buckles (An, James & Marschner 2012).
 //!
 //! Each patch of a cloth has a thread for each object that it rubs along, which is told how much of it slides how fast;
-//! each buckle plays a pop in a thread of its patch, whose energy is as rare among the pops as that of the buckle is among those of the cloth.
+//! each buckle plays a pop in a thread of its patch, whose energy is as rare among the pops as that of the buckle is among
+//! those of the cloth; and where the cloth is a membrane, a thread of each patch is told how taut and how fast it is.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -33,14 +34,21 @@ pub(super) struct Wardrobe {
     sounds: BTreeMap<String, Worn>,
     /// How pops are chosen, by the name of the cloth.
     playbacks: BTreeMap<String, Playback>,
-    /// The threads of patches that rub, by the cloth, the patch and what it rubs along.
-    rubbing: BTreeMap<(String, u32, String), u64>,
-    /// The threads of patches that pop, by the cloth and the patch.
-    popping: BTreeMap<(String, u32), u64>,
-    /// The threads of patches that beat the air, likewise.
-    flapping: BTreeMap<(String, u32), u64>,
+    /// The threads of patches, by the cloth, the patch and what it does.
+    threads: BTreeMap<(String, u32, Does), u64>,
     /// How many pops a cloth has played.
     counts: BTreeMap<String, u64>,
+}
+
+/// What a patch of a cloth has a thread for.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+enum Does {
+    /// It rubs along something.
+    Rub(String),
+    /// It buckles.
+    Pop,
+    /// It beats the air.
+    Flap,
 }
 
 /// The sound of a cloth.
@@ -124,20 +132,10 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         told.iter_mut().for_each(|(_, value)| *value = tidy(*value));
         let time_s = friction.time_s;
         let gain = from_db(cloth.friction_db) * cloth.reference_distance_m;
-        let pair = (friction.cloth.clone(), friction.patch, friction.other.clone());
-        let known = self.wardrobe.rubbing.get(&pair).copied().filter(|id| self.voices.contains_key(id));
-        let id = match known {
-            Some(id) => id,
-            None => {
-                let cause = format!("{} rubs along {}, {}", friction.cloth, friction.other, friction.cause);
-                let start = Start { object: friction.cloth.clone(), cause, ..Start::new(name) };
-                let voices = &self.voices;
-                self.wardrobe.rubbing.retain(|_, id| voices.contains_key(id));
-                let id = self.begin(time_s, Voice::at(start, friction.position_m, time_s));
-                self.wardrobe.rubbing.insert(pair, id);
-                id
-            }
-        };
+        let does = Does::Rub(friction.other.clone());
+        let id = self.thread((&friction.cloth, friction.patch, does), time_s, friction.position_m, || {
+            (name, format!("{} rubs along {}, {}", friction.cloth, friction.other, friction.cause))
+        });
         let moment = (time_s, friction.lasts_s);
         self.go_on(id, moment, friction.position_m, gain, vec![(time_s, Action::Set(told))]);
         Ok(())
@@ -159,23 +157,10 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         let begin_s = (chosen.time_s - pop.lead_s).max(0.0);
         let end_s = begin_s + pop.length_s;
         let now_s = (buckle.time_s - self.foresight_s).max(0.0);
-        let key = (buckle.cloth.clone(), buckle.patch);
-        let known = self.wardrobe.popping.get(&key).copied().filter(|id| self.voices.contains_key(id));
-        let id = match known {
-            Some(id) => id,
-            None => {
-                let cause = format!(
-                    "{} buckles, {:.4} m/s over {} vertices, {}",
-                    buckle.cloth, buckle.energy_mps, buckle.vertices, buckle.cause
-                );
-                let start = Start { object: buckle.cloth.clone(), cause, ..Start::new(name) };
-                let voices = &self.voices;
-                self.wardrobe.popping.retain(|_, id| voices.contains_key(id));
-                let id = self.begin(now_s, Voice::at(start, buckle.patch_m, now_s));
-                self.wardrobe.popping.insert(key, id);
-                id
-            }
-        };
+        let id = self.thread((&buckle.cloth, buckle.patch, Does::Pop), now_s, buckle.patch_m, || {
+            let Buckle { cloth, energy_mps, vertices, cause, .. } = buckle;
+            (name, format!("{cloth} buckles, {energy_mps:.4} m/s over {vertices} vertices, {cause}"))
+        });
         let gain = from_db(cloth.pops_db);
         let grain = Grain { number: chosen.pop as u32, gain, speed: 1.0, spread: 0.0 };
         if let Some(voice) = self.voices.get_mut(&id) {
@@ -211,23 +196,34 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             let blow = Blow { impulse_ns: tidy(impulse_ns), place: SNAPS_AT, contact_s: sheet.contact_s };
             told.push((time_s, Action::Strike(blow)));
         }
-        let key = (flap.cloth.clone(), flap.patch);
-        let known = self.wardrobe.flapping.get(&key).copied().filter(|id| self.voices.contains_key(id));
-        let id = match known {
-            Some(id) => id,
-            None => {
-                let cause = format!("{} beats the air, {}", flap.cloth, flap.cause);
-                let start = Start { object: flap.cloth.clone(), cause, ..Start::new(name) };
-                let voices = &self.voices;
-                self.wardrobe.flapping.retain(|_, id| voices.contains_key(id));
-                let id = self.begin(time_s, Voice::at(start, flap.position_m, time_s));
-                self.wardrobe.flapping.insert(key, id);
-                id
-            }
-        };
+        let id = self.thread((&flap.cloth, flap.patch, Does::Flap), time_s, flap.position_m, || {
+            (name, format!("{} beats the air, {}", flap.cloth, flap.cause))
+        });
         let gain = from_db(sheet.gain_db) * cloth.reference_distance_m;
         self.go_on(id, (time_s, flap.lasts_s), flap.position_m, gain, told);
         Ok(())
+    }
+
+    /// The thread of what a patch of a cloth does: the one that there is, or a new one, of a sound and for a cause.
+    fn thread(
+        &mut self,
+        (cloth, patch, does): (&str, u32, Does),
+        time_s: f64,
+        position_m: [f64; 3],
+        begins: impl FnOnce() -> (String, String),
+    ) -> u64 {
+        let key = (cloth.to_owned(), patch, does);
+        let known = self.wardrobe.threads.get(&key).copied();
+        if let Some(id) = known.filter(|id| self.voices.contains_key(id)) {
+            return id;
+        }
+        let (sound, cause) = begins();
+        let start = Start { object: cloth.to_owned(), cause, ..Start::new(sound) };
+        let voices = &self.voices;
+        self.wardrobe.threads.retain(|_, id| voices.contains_key(id));
+        let id = self.begin(time_s, Voice::at(start, position_m, time_s));
+        self.wardrobe.threads.insert(key, id);
+        id
     }
 
     /// The name of the sound of a corpus of cloth.
