@@ -297,6 +297,53 @@ def edges():
     xform(root, "größe", [[[Op.kScaleOperation, V3(2, 2, 2)]]])
 
 
+def beside():
+    """A sheet dragged along the floor, with forces beside its points: one number each, vectors, and named by indices."""
+    root = archive("beside").getTop()
+    film, side = uniform(24), 5
+    corners = [(x / 4 - 0.5, 0.005, z / 4 - 0.5) for z in range(side) for x in range(side)]
+    faces = [
+        [i + z * side for i in (x, x + 1, x + 1 + side, x + side)] for z in range(side - 1) for x in range(side - 1)
+    ]
+    frames = [([(x + 0.4 * f / 24, y, z) for x, y, z in corners], faces if f == 0 else None) for f in range(24)]
+    out = mesh(root, "sheet", frames, film)
+    params = out.getSchema().getArbGeomParams()
+    vertex = AbcGeom.GeometryScope.kVertexScope
+    forces = AbcGeom.OFloatGeomParam(params, "force", False, vertex, 1)
+    forces.setTimeSampling(film)
+    for frame in range(24):
+        values = imath.FloatArray(side * side)
+        for i in range(side * side):
+            values[i] = (0.02 if frame < 12 else 0.08) * (1 + i % side)
+        forces.set(AbcGeom.OFloatGeomParamSample(values, vertex))
+    vectors = imath.V3fArray(side * side)
+    for i in range(side * side):
+        vectors[i] = imath.V3f(0.1 * i, -0.2, 0.05 * i)
+    pushes = AbcGeom.OV3fGeomParam(params, "push", False, vertex, 1)
+    pushes.set(AbcGeom.OV3fGeomParamSample(vectors, vertex))
+    two, places = imath.FloatArray(2), imath.UnsignedIntArray(side * side)
+    two[0], two[1] = 0.5, 2.5
+    for i in range(side * side):
+        places[i] = i % 2
+    shared = AbcGeom.OFloatGeomParam(params, "shared", True, vertex, 1)
+    shared.set(AbcGeom.OFloatGeomParamSample(two, places, vertex))
+
+
+def golden_beside():
+    """What alembic3d reads of the numbers beside the points, at some frames."""
+    sheet = next(entry for entry in alembic_oracle.objects(FOLDER / "beside.abc") if entry.path == "/sheet")
+    beside = sheet.schema.getArbGeomParams()
+    kinds = {"force": AbcGeom.IFloatGeomParam, "push": AbcGeom.IV3fGeomParam, "shared": AbcGeom.IFloatGeomParam}
+    found = []
+    for name, kind in kinds.items():
+        for frame in (0, 11, 12, 23):
+            select = Abc.ISampleSelector(float(frame / 24))
+            values = kind(beside, name).getExpandedValue(select).getVals()
+            lengths = [v.length() if name == "push" else float(v) for v in values]
+            found.append({"name": name, "time_s": frame / 24, "values": lengths})
+    (FOLDER / "beside_numbers.json").write_text(json.dumps(round_all(found), separators=(",", ":")) + "\n")
+
+
 def golden(name):
     """What alembic3d reads back."""
     found = []
@@ -332,9 +379,10 @@ def round_all(value):
 if __name__ == "__main__":
     FOLDER.mkdir(parents=True, exist_ok=True)
     for write in (
-        operations, many_operations, nesting, topologies, samplings, instances, repeats, cameras, edges
+        operations, many_operations, nesting, topologies, samplings, instances, repeats, cameras, edges, beside
     ):
         write()
         golden(write.__name__)
         size = sum((FOLDER / f"{write.__name__}.{end}").stat().st_size for end in ("abc", "json"))
         print(f"{write.__name__:20} {size / 1000:8.1f} kB")
+    golden_beside()

@@ -128,7 +128,51 @@ macro_rules! golden {
     )* };
 }
 
-golden!(operations, many_operations, nesting, topologies, samplings, instances, repeats, cameras, edges);
+golden!(
+    operations,
+    many_operations,
+    nesting,
+    topologies,
+    samplings,
+    instances,
+    repeats,
+    cameras,
+    edges,
+    beside
+);
+
+#[derive(Deserialize)]
+struct GoldenNumbers {
+    name: String,
+    time_s: f64,
+    values: Vec<f64>,
+}
+
+#[test]
+fn numbers_beside_points_are_read() {
+    let animation = open("beside");
+    let sheet = find(&animation, "/sheet");
+    let text = std::fs::read_to_string(fixtures().join("beside_numbers.json")).expect("golden numbers");
+    let golden: Vec<GoldenNumbers> = serde_json::from_str(&text).expect("golden numbers");
+    let mut values = Vec::new();
+    let mut get = |name: &str, time_s: f64| {
+        animation.vertex_values(sheet, name, time_s, &mut values).expect("a sound sample");
+        values.iter().map(|value| f64::from(*value)).collect::<Vec<_>>()
+    };
+    for GoldenNumbers { name, time_s, values } in &golden {
+        let found = get(name, *time_s);
+        assert!(largest_difference(found, values.iter().copied()) < 1e-6, "{name} at {time_s} s");
+    }
+    // Between frames they are linear: from 0.02 to 0.08 times the column.
+    let between = get("force", 11.25 / 24.0);
+    assert!((between[3] - 4.0 * 0.035).abs() < 1e-6, "{between:?}");
+    let unknown = animation.vertex_values(sheet, "weight", 0.0, &mut Vec::new()).expect_err("no such name");
+    assert!(unknown.to_string().contains("force, push, shared"), "{unknown}");
+    let bare = open("topologies");
+    let cube = find(&bare, "/constant");
+    let unknown = bare.vertex_values(cube, "force", 0.0, &mut Vec::new()).expect_err("no numbers at all");
+    assert!(unknown.to_string().contains("there are: none"), "{unknown}");
+}
 
 #[test]
 fn topologies_are_told_apart() {

@@ -203,3 +203,31 @@ fn a_flag_is_silent_in_friction_and_heard_as_a_membrane() {
     assert!(events.iter().any(|event| matches!(event, Event::Flap(flap) if flap.tension_n_per_m > 0.0)));
     assert!(blown > friction + 20.0 && blown > still + 20.0 && blown > -70.0);
 }
+
+#[test]
+fn a_simulations_forces_are_heard() {
+    let studio = Studio::new();
+    let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/alembic/beside.abc");
+    std::fs::copy(fixture, studio.path("beside.abc")).unwrap();
+    let with = |more: &str| {
+        scene(&studio, &format!("{{ corpus = 'synthetic/cotton', floor_speed = 0.05{more} }}"))
+            .replace("sheet.pc2#/*", "beside.abc#/sheet")
+            .replace("frame_rate = 60\n", "")
+    };
+    let render = |scene: &str| studio.scene(scene, Take::at(RATE_HZ));
+    let sound = render(&with(", force = 'force'")).unwrap().channel(0);
+    // The way from there takes 58 ms. It presses four times as hard in the second half: 6 dB.
+    let (soft, hard) = (power(&sound, 0.15, 0.5), power(&sound, 0.62, 0.95));
+    let louder_db = 10.0 * (hard / soft).log10();
+    assert!((louder_db - 6.0).abs() < 1.0, "{louder_db} dB");
+    // What was pressed four times as hard in the recordings is as much weaker now.
+    let quarter = render(&with(", force = 'force', pressure = 400")).unwrap().channel(0);
+    let weaker_db = 10.0 * (power(&sound, 0.1, 0.95) / power(&quarter, 0.1, 0.95)).log10();
+    assert!((weaker_db - 6.0).abs() < 0.1, "{weaker_db} dB");
+    let refused = |scene: &str| render(scene).err().expect("it cannot be rendered").to_string();
+    let fault = refused(&with(", force = 'weight'"));
+    assert!(fault.contains("weight") && fault.contains("force, push, shared"), "{fault}");
+    sheet(&studio, "sheet", dragged);
+    let fault = refused(&scene(&studio, "{ corpus = 'synthetic/cotton', force = 'force' }"));
+    assert!(fault.contains("Alembic alone"), "{fault}");
+}

@@ -73,8 +73,12 @@ pub struct Friction {
     pub other: String,
     /// The middle of what slides, weighted by area and speed, in metres.
     pub position_m: [f64; 3],
-    /// The area that slides, in square metres.
+    /// The area that slides, in square metres. Where it is known how hard it presses, the area that would press as hard in
+    /// the recordings of its corpus.
     pub area_m2: f64,
+    /// How hard it presses, in newtons; where a simulation says it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub force_n: Option<f64>,
     /// Its mean speed along the other, weighted by area, in metres a second.
     pub speed_mps: f64,
     /// How much slides how fast: speeds in metres a second, each with its area in square metres, from slow to fast.
@@ -312,9 +316,17 @@ pub fn write(to: &mut impl Write, event: &Event) -> std::io::Result<()> {
             numbers.chain(*patch_m).chain(*position_m).chain(cause.numbers()).collect()
         }
         Event::Friction(Friction {
-            time_s, lasts_s, position_m, area_m2, speed_mps, speeds, cause, ..
+            time_s,
+            lasts_s,
+            position_m,
+            area_m2,
+            force_n,
+            speed_mps,
+            speeds,
+            cause,
+            ..
         }) => {
-            let numbers = [*time_s, *lasts_s, *area_m2, *speed_mps].into_iter();
+            let numbers = [*time_s, *lasts_s, *area_m2, *speed_mps].into_iter().chain(*force_n);
             numbers
                 .chain(speeds.iter().flatten().copied())
                 .chain(*position_m)
@@ -441,6 +453,7 @@ mod tests {
             cause: cause.clone(),
         };
         let friction = Friction {
+            force_n: Some(1.5),
             time_s,
             lasts_s,
             cloth: "skirt".to_owned(),

@@ -60,6 +60,8 @@ pub struct MovingCloth {
     leading: usize,
     next_s: Option<f64>,
     meshes: Vec<Mesh>,
+    /// What the file of an object calls the forces of its vertices, by the object's number.
+    forces: Vec<(u32, String)>,
     file: PathBuf,
     over: bool,
 }
@@ -90,10 +92,17 @@ impl MovingCloth {
             leading: leading.unwrap_or_default(),
             meshes: vec![Mesh::default(); carriers.len()],
             analyser: Analyser::new(participants),
+            forces: Vec::new(),
             carriers,
             file,
             over: false,
         })
+    }
+
+    /// Takes how hard a cloth presses from its file, which has a number in newtons, or a vector, for each vertex by a name.
+    pub fn pressed(mut self, object: u32, attribute: &str) -> Self {
+        self.forces.push((object, attribute.to_owned()));
+        self
     }
 
     /// The objects, in the order of their numbers.
@@ -117,6 +126,11 @@ impl MovingCloth {
         let read = |(carrier, mesh): (&Carrier, &mut Mesh)| carrier.mesh(time_s, mesh);
         let read: Vec<Result<()>> = self.carriers.par_iter().zip(&mut self.meshes).map(read).collect();
         read.into_iter().collect::<Result<()>>()?;
+        let mut force_n = Vec::new();
+        for (object, attribute) in &self.forces {
+            self.carriers[*object as usize].vertex_values(attribute, time_s, &mut force_n)?;
+            self.analyser.press(*object, &force_n)?;
+        }
         self.analyser.feed(time_s, &self.meshes)?;
         self.next_s = self.carriers[self.leading].next_key_s(time_s);
         Ok(())
@@ -126,12 +140,17 @@ impl MovingCloth {
 /// How the cloth of a scene is looked at.
 fn settings(cloth: &Cloth) -> ClothSettings {
     ClothSettings {
-        buckles: BuckleSettings { least_energy_mps: cloth.least_energy_mps, ..BuckleSettings::default() },
+        buckles: BuckleSettings {
+            least_energy_mps: cloth.least_energy_mps,
+            blur_m: cloth.blur_m,
+            ..BuckleSettings::default()
+        },
         sliding: SlidingSettings {
             radius_m: cloth.radius_m,
             threshold_mps: cloth.floor_speed_mps,
             scale_mps: cloth.speed_scale_mps,
             exponent: cloth.speed_exponent,
+            pressure_pa: cloth.pressure_pa,
             ..SlidingSettings::default()
         },
         tension: cloth.membrane.map(|sheet| TensionSettings {
@@ -150,10 +169,12 @@ fn cloths_of(
     others: bool,
     settings: impl Fn(&Cloth) -> ClothSettings,
 ) -> Result<Option<MovingCloth>> {
-    let mut bodies = Vec::new();
+    let (mut bodies, mut forces) = (Vec::new(), Vec::new());
     for (object, members) in scene.objects.iter().zip(&world.objects) {
         let material = object.material.and_then(|index| scene.materials.get(index));
-        let cloth = material.and_then(|material| material.cloth.as_ref()).map(&settings);
+        let cloth = material.and_then(|material| material.cloth.as_ref());
+        let force = cloth.and_then(|cloth| cloth.force.as_ref());
+        let cloth = cloth.map(&settings);
         for member in members {
             let carrier = member.carrier.as_ref().filter(|_| object.swarm.is_none());
             let has_mesh = carrier.is_some_and(|carrier| carrier.topology() != Topology::None);
@@ -164,6 +185,7 @@ fn cloths_of(
                     .help("give it a `source` that names a mesh"));
             }
             if let Some(carrier) = carrier.filter(|_| has_mesh && (others || cloth.is_some())) {
+                forces.extend(force.map(|force| (bodies.len() as u32, force.clone())));
                 bodies.push((Participant { name: member.name.clone(), cloth }, carrier.clone()));
             }
         }
@@ -171,7 +193,12 @@ fn cloths_of(
     if bodies.iter().all(|(participant, _)| participant.cloth.is_none()) {
         return Ok(None);
     }
-    MovingCloth::new(bodies, &scene.file).map(Some)
+    let cloths = MovingCloth::new(bodies, &scene.file)?;
+    Ok(Some(if others {
+        forces.iter().fold(cloths, |cloths, (object, name)| cloths.pressed(*object, name))
+    } else {
+        cloths
+    }))
 }
 
 /// What the cloths of a scene do, in order of time: the objects whose materials have a `cloth`, along all that have a

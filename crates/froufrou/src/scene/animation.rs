@@ -6,7 +6,7 @@
 
 use super::bracket::Bracket;
 use super::conventions::UpAxis;
-use crate::{Error, Result};
+use crate::{Error, Place, Result};
 
 /// A local-to-world transform, row-major, for column vectors: `world = m * [x, y, z, 1]`, so that
 /// the translation is `m[0][3], m[1][3], m[2][3]`, in metres.
@@ -211,6 +211,19 @@ pub trait Animation: Send + Sync {
     /// # Errors
     /// An object without a mesh, or a sample that cannot be read.
     fn mesh(&self, object: usize, time_s: f64, mesh: &mut Mesh) -> Result<()>;
+
+    /// A number for each vertex of an object's mesh at a time, which its file has by a name: what a simulation wrote
+    /// beside its points, such as forces. Of what has several numbers a vertex, as vectors have, it is their length.
+    /// Between two samples of as many numbers it is interpolated.
+    ///
+    /// # Errors
+    /// An object without a mesh, a name that it does not know, or a sample that cannot be read.
+    fn vertex_values(&self, object: usize, name: &str, _time_s: f64, _values: &mut Vec<f32>) -> Result<()> {
+        let path = self.objects().get(object).map_or("", |object| object.path.as_str());
+        Err(Error::new(format!("{name:?} cannot be known of its vertices: of the formats that are read, Alembic alone has numbers beside points"))
+            .at(Place::Part(path.to_owned()))
+            .help("export the simulation as Alembic, with its attributes"))
+    }
 
     /// How big an object's mesh is at its first sample; nothing for an object without a mesh.
     ///

@@ -75,6 +75,10 @@ impl Animation for Converted {
         Ok(())
     }
 
+    fn vertex_values(&self, object: usize, name: &str, time_s: f64, values: &mut Vec<f32>) -> Result<()> {
+        self.inner.vertex_values(object, name, time_s, values)
+    }
+
     fn mesh_size(&self, object: usize) -> Result<Option<MeshSize>> {
         self.inner.mesh_size(object)
     }

@@ -310,6 +310,12 @@ pub struct Cloth {
     pub speed_scale_mps: f64,
     /// … and then raised to this power.
     pub speed_exponent: f64,
+    /// What the animation calls the force with which each vertex presses, where it has that.
+    pub force: Option<String>,
+    /// How hard it was pressed in the recordings, in pascals.
+    pub pressure_pa: f64,
+    /// Its curvature is blurred over so many metres before buckles are looked for.
+    pub blur_m: f64,
     /// Buckles of less energy are silent, in metres a second.
     pub least_energy_mps: f64,
     /// Pops come later than their buckles by up to this, at random, in seconds.

@@ -302,6 +302,19 @@ impl Carrier {
         }
     }
 
+    /// A number for each vertex of its mesh at a time, which its file has by a name.
+    ///
+    /// # Errors
+    /// A carrier without a mesh, a name that its file does not know, or a sample that cannot be read.
+    pub fn vertex_values(&self, name: &str, time_s: f64, values: &mut Vec<f32>) -> Result<()> {
+        match &self.way {
+            Way::Track(_) | Way::Member { .. } => Err(self.fault("has no mesh".to_owned())),
+            Way::Animated { animation, object, .. } => {
+                animation.vertex_values(*object, name, time_s + self.origin_s, values)
+            }
+        }
+    }
+
     /// The path of the object in its file; `track` for a hand-set track.
     pub fn name(&self) -> String {
         match &self.way {

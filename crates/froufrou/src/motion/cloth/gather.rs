@@ -53,6 +53,7 @@ pub(super) fn events(sliding: &Sliding, patches: &Patches, name: impl Fn(u32) ->
         position_m: sum.position.map(|c| c / sum.speed),
         area_m2: sum.area_m2,
         speed_mps: sum.speed / sum.area_m2,
+        force_n: sliding.pressure_pa.map(|pressure_pa| pressure_pa * sum.area_m2),
         speeds: sum.steps.values().map(|[area, speed]| [speed / area, *area]).collect(),
         cause: Cause::Motion(Moved { from_s: sliding.time_s, to_s: sliding.time_s + sliding.lasts_s }),
     };

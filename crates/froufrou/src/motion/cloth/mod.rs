@@ -137,6 +137,8 @@ pub struct Analyser {
     ready: VecDeque<Event>,
     slidings: VecDeque<Sliding>,
     restarts: VecDeque<Restart>,
+    /// What presses in the frame to come: the object, and the area that would press as hard as each of its vertices.
+    pressing_m2: Vec<(u32, Vec<f64>)>,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -157,6 +159,8 @@ struct Cloth {
     slides: Slides,
     patches: Patches,
     tension: Option<Tension>,
+    /// In the frame to come, the area that would press as hard as each vertex does; where forces are known.
+    pressing_m2: Option<Vec<f64>>,
     /// What is not told yet.
     beats: Vec<Beat>,
 }
@@ -175,6 +179,7 @@ impl Cloth {
             slides,
             patches: Patches::new(mesh.positions(), settings.patches),
             tension: settings.tension.map(|settings| Tension::new(settings, mesh)),
+            pressing_m2: None,
             beats: Vec::new(),
         }
     }
@@ -187,7 +192,9 @@ impl Cloth {
             buckles.feed(time_s, own.surface(), curvature, own.positions())
         };
         let (buckled, contacts) = rayon::join(bend, || proximity.contacts(objects));
-        slides.feed(time_s, contacts, objects, curvature.area_m2());
+        let pressing_m2 = self.pressing_m2.take();
+        let area_m2 = pressing_m2.as_deref().unwrap_or(curvature.area_m2());
+        slides.feed(time_s, contacts, objects, area_m2, pressing_m2.is_some());
         if let Some(tension) = &mut self.tension {
             self.beats.extend(tension.feed(time_s, own, curvature.area_m2(), &self.patches));
         }
@@ -213,6 +220,7 @@ impl Analyser {
             ready: VecDeque::new(),
             slidings: VecDeque::new(),
             restarts: VecDeque::new(),
+            pressing_m2: Vec::new(),
         }
     }
 
@@ -221,17 +229,53 @@ impl Analyser {
         &self.participants
     }
 
+    /// Says how hard each vertex of a cloth presses against what it touches in the frame to come, in newtons, where a
+    /// simulation knows it. What it touches is found as ever.
+    ///
+    /// # Errors
+    /// What is no cloth; a force that is negative or no number.
+    pub fn press(&mut self, object: u32, force_n: &[f32]) -> Result<()> {
+        let Some(participant) = self.participants.get(object as usize) else {
+            return Err(Error::new(format!("there is no object {object}")));
+        };
+        let fault = |what: String| Error::new(what).at(Place::Part(participant.name.clone()));
+        let Some(settings) = &participant.cloth else {
+            return Err(fault("forces are those of a cloth, and it is none".to_owned()));
+        };
+        if let Some(vertex) = force_n.iter().position(|force| !(force.is_finite() && *force >= 0.0)) {
+            let force = force_n[vertex];
+            return Err(fault(format!("vertex {vertex} presses with {force} N: expected 0 or more")));
+        }
+        let pressure_pa = settings.sliding.pressure_pa;
+        self.pressing_m2
+            .push((object, force_n.iter().map(|force| f64::from(*force) / pressure_pa).collect()));
+        Ok(())
+    }
+
     /// Takes the next frame: its time, and the mesh of each object in their order.
     ///
     /// # Errors
     /// Another number of meshes than of objects; a time that is no number or not after that of the frame before; a
     /// position that is no number; faces that are none. What was found before is still there then.
     pub fn feed(&mut self, time_s: f64, meshes: &[Mesh]) -> Result<()> {
-        self.check(time_s, meshes)?;
+        let pressing_m2 = std::mem::take(&mut self.pressing_m2);
+        self.check(time_s, meshes, &pressing_m2)?;
         if self.objects.is_empty() {
             self.begin(meshes)?;
         } else {
             self.follow(time_s, meshes)?;
+        }
+        for (object, area_m2) in pressing_m2 {
+            let surface = self.objects[object as usize].surface();
+            let mut pressing_m2 = vec![0.0; area_m2.len()];
+            // What lies in one place presses as one.
+            for (vertex, area_m2) in area_m2.iter().enumerate() {
+                let stands = surface.welded(vertex as u32).unwrap_or(vertex as u32);
+                pressing_m2[stands as usize] += area_m2;
+            }
+            for cloth in self.cloths.iter_mut().filter(|cloth| cloth.object == object) {
+                cloth.pressing_m2 = Some(pressing_m2.clone());
+            }
         }
         self.step_s = self.last_s.map_or(0.0, |last_s| time_s - last_s);
         self.last_s = Some(time_s);
@@ -271,7 +315,7 @@ impl Analyser {
         self.restarts.pop_front()
     }
 
-    fn check(&self, time_s: f64, meshes: &[Mesh]) -> Result<()> {
+    fn check(&self, time_s: f64, meshes: &[Mesh], pressing_m2: &[(u32, Vec<f64>)]) -> Result<()> {
         if meshes.len() != self.participants.len() {
             let (given, expected) = (meshes.len(), self.participants.len());
             return Err(Error::new(format!("a frame of {given} meshes, of {expected} objects")));
@@ -281,6 +325,15 @@ impl Analyser {
             return Err(
                 Error::new(format!("a frame at {time_s} s{last}")).help("frames come in order of time")
             );
+        }
+        for (object, area_m2) in pressing_m2 {
+            let (forces, vertices) = (area_m2.len(), meshes[*object as usize].positions.len());
+            if forces != vertices {
+                let name = self.participants[*object as usize].name.clone();
+                return Err(Error::new(format!("{forces} forces, and {vertices} vertices, at {time_s} s"))
+                    .at(Place::Part(name))
+                    .help("a force is needed for each vertex"));
+            }
         }
         let finite = |(mesh, participant): (&Mesh, &Participant)| {
             let Some(vertex) = mesh.positions.iter().position(|p| !p.iter().all(|c| c.is_finite())) else {

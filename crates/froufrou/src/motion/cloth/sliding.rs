@@ -34,10 +34,14 @@ pub struct SlidingSettings {
     pub scale_mps: f64,
     /// See there.
     pub exponent: f64,
+    /// Where a simulation says how hard it presses, a vertex counts by the area that would press as hard under this, in
+    /// pascals: what truly touches grows with the force, and so does the power of the sound.
+    pub pressure_pa: f64,
 }
 
 impl Default for SlidingSettings {
-    /// Five centimetres and two centimetres a second, as of cotton in An et al. (2012); speeds as they are.
+    /// Five centimetres and two centimetres a second, as of cotton in An et al. (2012); speeds as they are. The pressure
+    /// is that of a hand that strokes: 2 N on 200 cm².
     fn default() -> Self {
         Self {
             radius_m: 0.05,
@@ -46,6 +50,7 @@ impl Default for SlidingSettings {
             look_ahead_s: 0.25,
             scale_mps: 1.0,
             exponent: 1.0,
+            pressure_pa: 100.0,
         }
     }
 }
@@ -69,13 +74,15 @@ pub struct Sliding {
     pub time_s: f64,
     /// The time until the next frame in seconds; that since the one before in the last.
     pub lasts_s: f64,
+    /// The pressure that its areas are under, in pascals, where forces are known.
+    pub pressure_pa: Option<f64>,
     /// The vertices, ascending.
     pub vertex: Vec<u32>,
     /// What each slides along, by its number among the objects.
     pub other: Vec<u32>,
     /// Where it is, in metres.
     pub position_m: Vec<[f32; 3]>,
-    /// Its area, in square metres.
+    /// Its area, in square metres; where forces are known, that of [`SlidingSettings::pressure_pa`].
     pub area_m2: Vec<f64>,
     /// How fast it slides, in metres a second.
     pub speed_mps: Vec<f64>,
@@ -128,6 +135,8 @@ impl Sliding {
 #[derive(Debug, Clone, Default)]
 struct Frame {
     time_s: f64,
+    /// Whether areas are those of forces.
+    is_pressed: bool,
     other: Vec<u32>,
     position_m: Vec<[f32; 3]>,
     area_m2: Vec<f64>,
@@ -172,13 +181,15 @@ impl Slides {
     }
 
     /// Takes the next frame: what its vertices touch now, the objects as they have come to lie since the last frame,
-    /// and the area of every vertex of the cloth. What is not given touches nothing and has no area.
+    /// and the area of every vertex of the cloth, or where it `is_pressed` that which would press as hard. What is not
+    /// given touches nothing and has no area.
     pub fn feed(
         &mut self,
         time_s: f64,
         contacts: &[Option<Contact>],
         objects: &[Touchable],
         area_m2: &[f64],
+        is_pressed: bool,
     ) {
         if let Some(last) = self.last.take() {
             let step_s = time_s - last.time_s;
@@ -188,7 +199,7 @@ impl Slides {
         self.contacts.extend_from_slice(contacts);
         self.contacts.resize(self.vertices.len(), None);
         let own = objects.get(self.cloth as usize).map_or(&[][..], Touchable::positions);
-        let mut frame = Frame { time_s, ..Frame::default() };
+        let mut frame = Frame { time_s, is_pressed, ..Frame::default() };
         let other = |contact: &Option<Contact>| contact.map_or(u32::MAX, |contact| contact.object);
         frame.other.extend(self.contacts.iter().map(other));
         for &vertex in &self.vertices {
@@ -279,6 +290,7 @@ impl Slides {
             cloth: self.cloth,
             time_s: frame.time_s,
             lasts_s: lengths[at.min(last.saturating_sub(1))],
+            pressure_pa: frame.is_pressed.then_some(self.settings.pressure_pa),
             ..Sliding::default()
         };
         for (index, &vertex) in self.vertices.iter().enumerate() {

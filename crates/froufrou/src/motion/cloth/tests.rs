@@ -235,3 +235,53 @@ fn turned_and_moved_everything_is_the_same() {
         assert!((0..3).all(|i| (a[i] - b[i]).abs() < 1e-3), "{a:?} {b:?}");
     }
 }
+
+/// A sheet that is pulled along a floor, told how hard each vertex presses.
+fn pressed(force_n: impl Fn(f64, usize) -> f32) -> Vec<Friction> {
+    let mut analyser = Analyser::new(participants(&NAMES));
+    for frame in 0..20 {
+        let time_s = f64::from(frame) / 24.0;
+        let sheet = shapes::sheet(4, 4, |u, v| [u + 0.5 * time_s, 0.01, v]);
+        let floor = shapes::sheet(2, 2, |u, v| [8.0 * u - 4.0, 0.0, 8.0 * v - 4.0]);
+        let forces: Vec<f32> = (0..sheet.positions.len()).map(|i| force_n(time_s, i)).collect();
+        analyser.press(0, &forces).unwrap();
+        analyser.feed(time_s, &[sheet, floor]).unwrap();
+    }
+    analyser.finish();
+    std::iter::from_fn(|| analyser.next_event()).filter_map(|event| event.friction().cloned()).collect()
+}
+
+#[test]
+fn what_presses_harder_counts_for_more() {
+    let even = pressed(|_, _| 0.2);
+    assert!(even.len() > 15);
+    for friction in &even {
+        // 25 vertices of 0.2 N, under 100 Pa.
+        assert!((friction.force_n.unwrap() - 5.0).abs() < 1e-6, "{friction:?}");
+        assert!(
+            (friction.area_m2 - 0.05).abs() < 1e-8 && (friction.speed_mps - 0.5).abs() < 1e-4,
+            "{friction:?}"
+        );
+    }
+    let half = pressed(|time_s, i| if time_s < 0.4 && i < 5 { 0.4 } else { 0.0 });
+    assert!(!half.is_empty());
+    for friction in &half {
+        // The first row alone presses, and nothing later on.
+        assert!((friction.force_n.unwrap() - 2.0).abs() < 1e-6 && friction.time_s < 0.4, "{friction:?}");
+        assert!(friction.position_m[2].abs() < 1e-6, "{friction:?}");
+    }
+}
+
+#[test]
+fn forces_that_cannot_be_are_told() {
+    let mut analyser = Analyser::new(participants(&NAMES));
+    assert!(analyser.press(1, &[0.0]).unwrap_err().to_string().contains("it is none"));
+    assert!(analyser.press(2, &[0.0]).unwrap_err().to_string().contains("no object 2"));
+    assert!(analyser.press(0, &[1.0, -1.0]).unwrap_err().to_string().contains("vertex 1 presses with -1 N"));
+    assert!(analyser.press(0, &[f32::NAN]).is_err());
+    analyser.press(0, &[1.0; 3]).unwrap();
+    let fault = analyser.feed(0.0, &scene(0.0, 4)).unwrap_err();
+    assert!(fault.to_string().contains("3 forces, and 25 vertices"), "{fault}");
+    // What was wrong in one frame is not held against the next.
+    analyser.feed(0.0, &scene(0.0, 4)).unwrap();
+}

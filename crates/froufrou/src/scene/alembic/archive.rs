@@ -252,6 +252,11 @@ impl Archive {
 }
 
 impl Compound {
+    /// The names of what is in it.
+    pub(super) fn names(&self) -> Vec<&str> {
+        self.headers.iter().map(|header| header.name.as_str()).collect()
+    }
+
     fn find(&self, name: &str) -> Option<(&PropertyHeader, Child)> {
         let index = self.headers.iter().position(|header| header.name == name)?;
         // A header without a child is found to be damage where the property is read.

@@ -286,7 +286,8 @@ impl Written {
                 self.schema = Schema::Camera(Arc::new(camera));
             }
             _ => {
-                let mesh = PolyMesh::new(&compound, archive, ledger)?;
+                let arbitrary = compound.compound(".arbGeomParams", archive, reading)?;
+                let mesh = PolyMesh::new(&compound, arbitrary, archive, ledger)?;
                 self.own_times = mesh.key_times(memory)?;
                 self.first_size = Some(mesh.first_size(&archive.ogawa)?);
                 memory.charge(size_of::<PolyMesh>() as u64)?;

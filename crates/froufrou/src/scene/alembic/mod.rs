@@ -192,6 +192,15 @@ impl Animation for Alembic {
         read().map_err(|fault| self.error(fault, object))
     }
 
+    fn vertex_values(&self, object: usize, name: &str, time_s: f64, values: &mut Vec<f32>) -> Result<()> {
+        let node = self.node(object, time_s)?;
+        let Schema::Mesh(polymesh) = &node.schema else {
+            let fault = Fault::new("the object has no mesh", "ask for a mesh object");
+            return Err(self.error(fault, object));
+        };
+        polymesh.vertex_values(name, time_s, &self.archive, values).map_err(|fault| self.error(fault, object))
+    }
+
     fn mesh_size(&self, object: usize) -> Result<Option<MeshSize>> {
         Ok(self.node(object, 0.0)?.first_size)
     }

@@ -14,6 +14,9 @@ use super::time_sampling::union;
 use crate::scene::animation::{KeyTimes, Mesh, MeshSize, Topology};
 use crate::scene::sample_cache::{Ledger, SampleCache};
 
+/// The most bytes of the index of a property with indices of its own.
+const INDEXED: u64 = 1 << 16;
+
 /// A mesh of which some or all properties change.
 #[derive(Debug)]
 pub(super) struct PolyMesh {
@@ -23,6 +26,8 @@ pub(super) struct PolyMesh {
     indices: Option<Property>,
     /// Vertices of each face.
     counts: Option<Property>,
+    /// What its writer has put beside them.
+    arbitrary: Option<Compound>,
     point_cache: SampleCache<u32, Vec<[f32; 3]>>,
     face_cache: SampleCache<(u32, u32), Faces>,
 }
@@ -38,11 +43,16 @@ struct Faces {
 }
 
 impl PolyMesh {
-    /// From its schema's compound.
+    /// From its schema's compound, and that within it of what its writer has put beside.
     ///
     /// # Errors
     /// Damage.
-    pub(super) fn new(compound: &Compound, archive: &Archive, ledger: &Arc<Ledger>) -> Outcome<Self> {
+    pub(super) fn new(
+        compound: &Compound,
+        arbitrary: Option<Compound>,
+        archive: &Archive,
+        ledger: &Arc<Ledger>,
+    ) -> Outcome<Self> {
         let property = |name: &str| -> Outcome<_> {
             Ok(compound.property(name, archive)?.filter(|property| !property.is_empty()))
         };
@@ -50,6 +60,7 @@ impl PolyMesh {
             points: property("P")?,
             indices: property(".faceIndices")?,
             counts: property(".faceCounts")?,
+            arbitrary,
             point_cache: SampleCache::new(ledger),
             face_cache: SampleCache::new(ledger),
         })
@@ -139,6 +150,59 @@ impl PolyMesh {
         // A mirror turns the faces round.
         if world.matrix3.determinant() < 0.0 {
             turn_round(&mut mesh.face_vertices, &faces.sizes);
+        }
+        Ok(())
+    }
+
+    /// The numbers that its writer has put beside its points by a name, at a time: one for each.
+    ///
+    /// # Errors
+    /// A name that is not there, a property of another type, or damage.
+    pub(super) fn vertex_values(
+        &self,
+        name: &str,
+        time_s: f64,
+        archive: &Archive,
+        values: &mut Vec<f32>,
+    ) -> Outcome<()> {
+        values.clear();
+        let missing = || {
+            let names = self.arbitrary.as_ref().map_or(Vec::new(), Compound::names);
+            let known = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+            Fault::new(
+                format!("its vertices have no {name:?}; of such numbers there are: {known}"),
+                "export it again with the attribute, or name another",
+            )
+        };
+        let arbitrary = self.arbitrary.as_ref().ok_or_else(missing)?;
+        // What is named many times over is written once, with an index for each.
+        let indexed = arbitrary.compound(name, archive, &mut Allowance::new(INDEXED, "reading"))?;
+        let property = |name| indexed.as_ref().map_or(Ok(None), |indexed| indexed.property(name, archive));
+        let (numbers, indices) = match property(".vals")? {
+            Some(numbers) => (Some(numbers), property(".indices")?),
+            None => (arbitrary.property(name, archive)?, None),
+        };
+        let numbers = numbers.filter(|numbers| !numbers.is_empty()).ok_or_else(missing)?;
+        let bracket = numbers.bracket(time_s);
+        let at = |index: u32| -> Outcome<Vec<f32>> {
+            let lengths = numbers.lengths(numbers.stored(index), &archive.ogawa)?;
+            let Some(indices) = &indices else { return Ok(lengths) };
+            let places = indices.indices(indices.stored(index), &archive.ogawa)?;
+            let length = |place: u32| lengths.get(place as usize).copied();
+            places.into_iter().map(length).collect::<Option<_>>().ok_or_else(|| {
+                Fault::new(
+                    format!("the indices of {name:?} name numbers that are not there"),
+                    "the file is damaged: export it again",
+                )
+            })
+        };
+        values.extend(at(bracket.floor)?);
+        if bracket.ceiling != bracket.floor {
+            let after = at(bracket.ceiling)?;
+            if after.len() == values.len() {
+                let mix = |a: f32, b: f32| f64::from(a) + (f64::from(b) - f64::from(a)) * bracket.fraction;
+                values.iter_mut().zip(after).for_each(|(a, b)| *a = mix(*a, b) as f32);
+            }
         }
         Ok(())
     }

@@ -212,6 +212,19 @@ impl Property {
         }
     }
 
+    /// A stored sample as one number an element: its value, or the length of several.
+    ///
+    /// # Errors
+    /// Damage, or another type.
+    pub(super) fn lengths(&self, stored: u32, ogawa: &Ogawa) -> Outcome<Vec<f32>> {
+        let numbers = self.f64s(stored, ogawa)?;
+        let length = |element: &[f64]| match element {
+            [value] => *value as f32,
+            values => values.iter().map(|v| v * v).sum::<f64>().sqrt() as f32,
+        };
+        Ok(numbers.chunks_exact(usize::from(self.extent).max(1)).map(length).collect())
+    }
+
     /// A stored sample as points.
     ///
     /// # Errors

@@ -16,6 +16,9 @@ pub(super) const CLOTH: Keys = &[
     "floor_speed",
     "speed_scale",
     "speed_exponent",
+    "force",
+    "pressure",
+    "blur",
     "least_energy",
     "jitter",
     "patches",
@@ -39,6 +42,12 @@ const RADIUS_M: f64 = 0.02;
 
 /// Where nothing is said: weaker buckles are the trembling of a simulation.
 const LEAST_ENERGY_MPS: f64 = 0.1;
+
+/// Where nothing is said: a hand strokes 200 cm² of cloth with 2 N.
+const PRESSURE_PA: f64 = 100.0;
+
+/// Where nothing is said: what bends within a shorter way is the trembling of a mesh.
+const BLUR_M: f64 = 0.01;
 
 /// Where nothing is said: what is slower rests.
 const FLOOR_MPS: f64 = 0.02;
@@ -69,6 +78,9 @@ pub(super) fn cloth(node: &Node<'_, '_>, folder: &Folder) -> Result<Cloth> {
         )?,
         speed_scale_mps: within("speed_scale", 1.0, "metres a second", 1e-6, 1e6)?,
         speed_exponent: within("speed_exponent", 1.0, "a power", 0.05, 20.0)?,
+        force: get("force").map(|node| node.text("the name of an attribute of vertices")).transpose()?,
+        pressure_pa: within("pressure", PRESSURE_PA, "pascals", 1e-3, 1e9)?,
+        blur_m: within("blur", BLUR_M, "metres", 0.0, 1.0)?,
         least_energy_mps: within("least_energy", LEAST_ENERGY_MPS, "metres a second", 0.0, 1e9)?,
         jitter_s: within("jitter", 0.0, "seconds", 0.0, MOST_JITTER_S)?,
         patches: get("patches").map_or(Ok(16), |node| node.whole("a number of patches", 1, MOST_PATCHES))?

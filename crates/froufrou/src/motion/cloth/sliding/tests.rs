@@ -19,7 +19,7 @@ fn run(settings: SlidingSettings, times: &[f64], place: impl Fn(f64) -> [Mesh; 2
         }
         curvature.measure(objects[0].surface(), objects[0].positions());
         let contacts = proximity.contacts(&objects).to_vec();
-        slides.feed(time_s, &contacts, &objects, curvature.area_m2());
+        slides.feed(time_s, &contacts, &objects, curvature.area_m2(), false);
         let from = told.len();
         told.extend(std::iter::from_fn(|| slides.next_sliding()));
         assert!(told[from..].iter().all(|sliding: &Sliding| sliding.time_s < slides.settled_s()));
@@ -169,7 +169,7 @@ fn one_frame_has_no_speed_and_two_have_one() {
     assert!(told.iter().all(|s| s.speed_of(10).1 == 0.0 && (s.speed_of(10).0 - 1.0).abs() < 1e-4));
     let objects = [Touchable::new(&pushed(0.0, 0.0)).expect("a sound mesh")];
     let mut slides = Slides::new(SlidingSettings::default(), 0, &[0]);
-    slides.feed(0.0, &[None], &objects, &[1.0; 49]);
+    slides.feed(0.0, &[None], &objects, &[1.0; 49], false);
     slides.finish(&objects);
     assert_eq!(slides.next_sliding(), None);
 }
