@@ -440,3 +440,41 @@ fn the_sheet_and_the_table_make_a_comb_that_moves() {
     let low = |time_s: f64| measured(time_s)[..20].iter().sum::<f64>() / 20.0;
     assert!(low(8.75) > low(2.75) + 12.0, "{} {}", low(8.75), low(2.75));
 }
+
+#[test]
+fn each_punch_is_heard_in_its_own_ear() {
+    let sound = render("sleeves");
+    let ears = [sound.channel(0), sound.channel(1)];
+    let level_db = |ear: usize, from_s: f64| {
+        let part = &ears[ear][(from_s * RATE_HZ) as usize..((from_s + 0.3) * RATE_HZ) as usize];
+        10.0 * part.iter().map(|s| s * s).sum::<f64>().log10()
+    };
+    for second in 0..4 {
+        // The left arm goes out on the second, the right one half a second later.
+        for (near, from_s) in [(0, f64::from(second)), (1, f64::from(second) + 0.5)] {
+            let (loud, soft) = (level_db(near, from_s), level_db(1 - near, from_s));
+            assert!(loud > soft + 6.0, "at {from_s} s: {loud} dB near, {soft} dB far");
+        }
+    }
+}
+
+#[test]
+fn the_skirt_swishes_along_the_dancer_and_pops() {
+    let production = open("dress");
+    let cues = production.object_lines().unwrap().filter_map(|line| match line.unwrap() {
+        ObjectLine::Cue(cue) => Some(cue.action),
+        _ => None,
+    });
+    let pops = cues.filter(|action| matches!(action, Action::Grain(_))).count();
+    assert!((50..2000).contains(&pops), "{pops}");
+    let sound = render("dress");
+    let samples = sound.channel(0);
+    // The root mean square over tenths of a second: swishes, and near silence between them.
+    let mut levels: Vec<f64> = samples
+        .chunks_exact(RATE_HZ as usize / 10)
+        .map(|part| 10.0 * (part.iter().map(|s| s * s).sum::<f64>() / part.len() as f64).log10())
+        .collect();
+    levels.sort_by(f64::total_cmp);
+    let (quiet, loud) = (levels[levels.len() / 5], levels[levels.len() * 9 / 10]);
+    assert!(loud > quiet + 12.0, "{quiet} {loud}");
+}
