@@ -85,6 +85,10 @@ pub fn read(file: &Path) -> Result<EventFindings> {
                 *found.kinds.entry("moment of beating the air").or_default() += 1;
                 pairs.entry((flap.cloth.clone(), flap.cloth)).or_default().0 += 1;
             }
+            Event::Tear(tear) => {
+                *found.kinds.entry("tear").or_default() += 1;
+                pairs.entry((tear.sheet.clone(), tear.sheet)).or_default().0 += 1;
+            }
             Event::Friction(friction) => {
                 *found.kinds.entry("moment of friction").or_default() += 1;
                 Range::widen(&mut found.friction_mps, friction.speed_mps);

@@ -141,7 +141,13 @@ fn read(file: &Path, mut each: impl FnMut(Mark)) -> Result<()> {
                 impulse_ns: flap.impulse_ns.unwrap_or_default(),
                 rubs: flap.impulse_ns.is_none(),
             },
-            // What else cloth does has no impulse.
+            // What else sheets do has no impulse.
+            Event::Tear(tear) => Mark {
+                time_s: tear.time_s,
+                pair: (tear.sheet.clone(), tear.sheet),
+                impulse_ns: 0.0,
+                rubs: false,
+            },
             Event::Buckle(buckle) => Mark {
                 time_s: buckle.time_s,
                 pair: (buckle.cloth.clone(), buckle.cloth),

@@ -28,6 +28,52 @@ pub enum Event {
     Friction(Friction),
     /// A patch of a cloth is taut and beats the air for a moment.
     Flap(Flap),
+    /// A sheet tears.
+    Tear(Tear),
+}
+
+/// A part of a sheet of paper that an event makes vibrate (Schreck et al. 2016, section 4): one flat or curved region,
+/// cut off by ridges and by what is held or touched.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Resonator {
+    /// The mean length of its rulings, l_r, in metres; of a flat region, which has none, the root of its area.
+    pub ruling_m: f64,
+    /// The total length of its free curved borders, l_c, in metres; 0 where it is constrained.
+    pub border_m: f64,
+    /// Its area, in square metres.
+    pub area_m2: f64,
+    /// Its centre, in metres.
+    pub position_m: [f64; 3],
+    /// Its mean normal, of length 1.
+    pub normal: [f64; 3],
+}
+
+impl Resonator {
+    /// Whether it has a free border: a crumpling is a *flap* then, and a *clac* where it has none.
+    pub fn is_unconstrained(&self) -> bool {
+        self.border_m > 0.0
+    }
+
+    fn numbers(&self) -> impl Iterator<Item = f64> + use<> {
+        [self.ruling_m, self.border_m, self.area_m2].into_iter().chain(self.position_m).chain(self.normal)
+    }
+}
+
+/// A sheet tears: what was one there is two, or has a hole.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tear {
+    /// When, in seconds: the frame in which it is torn.
+    pub time_s: f64,
+    /// The sheet.
+    pub sheet: String,
+    /// The middle of what is torn, in metres.
+    pub position_m: [f64; 3],
+    /// How much further it is torn than in the frame before, in metres.
+    pub length_m: f64,
+    /// What it was told by.
+    pub cause: Cause,
 }
 
 /// A part of a cloth buckles: its mean curvature changes sign.
@@ -52,6 +98,9 @@ pub struct Buckle {
     pub positive: bool,
     /// How many vertices it has.
     pub vertices: u32,
+    /// What it makes vibrate, where it is of paper.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub resonators: Vec<Resonator>,
     /// What it was told by.
     pub cause: Cause,
 }
@@ -83,6 +132,9 @@ pub struct Friction {
     pub speed_mps: f64,
     /// How much slides how fast: speeds in metres a second, each with its area in square metres, from slow to fast.
     pub speeds: Vec<[f64; 2]>,
+    /// What it makes vibrate, where it is of paper.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub resonators: Vec<Resonator>,
     /// What it was told by.
     pub cause: Cause,
 }
@@ -251,6 +303,14 @@ impl Event {
         }
     }
 
+    /// The tear, if it is one.
+    pub fn tear(&self) -> Option<&Tear> {
+        match self {
+            Event::Tear(tear) => Some(tear),
+            _ => None,
+        }
+    }
+
     /// Two bodies that slide or roll along each other.
     pub fn rubbing(how: Rubbing, rub: Rub) -> Self {
         match how {
@@ -276,6 +336,7 @@ impl Event {
             Event::Buckle(buckle) => buckle.time_s,
             Event::Friction(friction) => friction.time_s,
             Event::Flap(flap) => flap.time_s,
+            Event::Tear(tear) => tear.time_s,
         }
     }
 }
@@ -311,9 +372,15 @@ pub fn write(to: &mut impl Write, event: &Event) -> std::io::Result<()> {
             let numbers = [*time_s, *lasts_s, *tension_n_per_m, *speed_mps].into_iter();
             numbers.chain(*impulse_ns).chain(*position_m).chain(cause.numbers()).collect()
         }
-        Event::Buckle(Buckle { time_s, lasts_s, position_m, patch_m, energy_mps, cause, .. }) => {
+        Event::Buckle(Buckle {
+            time_s, lasts_s, position_m, patch_m, energy_mps, resonators, cause, ..
+        }) => {
             let numbers = [*time_s, *lasts_s, *energy_mps].into_iter();
+            let numbers = numbers.chain(resonators.iter().flat_map(Resonator::numbers));
             numbers.chain(*patch_m).chain(*position_m).chain(cause.numbers()).collect()
+        }
+        Event::Tear(Tear { time_s, position_m, length_m, cause, .. }) => {
+            [*time_s, *length_m].into_iter().chain(*position_m).chain(cause.numbers()).collect()
         }
         Event::Friction(Friction {
             time_s,
@@ -323,12 +390,14 @@ pub fn write(to: &mut impl Write, event: &Event) -> std::io::Result<()> {
             force_n,
             speed_mps,
             speeds,
+            resonators,
             cause,
             ..
         }) => {
             let numbers = [*time_s, *lasts_s, *area_m2, *speed_mps].into_iter().chain(*force_n);
             numbers
                 .chain(speeds.iter().flatten().copied())
+                .chain(resonators.iter().flat_map(Resonator::numbers))
                 .chain(*position_m)
                 .chain(cause.numbers())
                 .collect()
@@ -437,8 +506,12 @@ mod tests {
         found.err().map(|e| e.to_string()).unwrap_or_default()
     }
 
-    fn of_cloth(numbers: [f64; 8], name: &str) -> [Event; 2] {
+    fn of_sheets(numbers: [f64; 8], name: &str) -> [Event; 3] {
         let [time_s, lasts_s, x, y, z, a, b, from_s] = numbers;
+        // One of them names no resonators, which is how cloth is written.
+        let resonator =
+            Resonator { ruling_m: x, border_m: y, area_m2: z, position_m: [b; 3], normal: [x, y, a] };
+        let resonators = vec![resonator; name.len() % 3];
         let cause = Cause::Motion(Moved { from_s, to_s: time_s });
         let buckle = Buckle {
             time_s,
@@ -450,6 +523,7 @@ mod tests {
             energy_mps: a,
             positive: a > b,
             vertices: name.len() as u32,
+            resonators: resonators.clone(),
             cause: cause.clone(),
         };
         let friction = Friction {
@@ -463,9 +537,17 @@ mod tests {
             speed_mps: b,
             patch: name.len() as u32,
             speeds: vec![[b, a], [a, x]],
+            resonators,
+            cause: cause.clone(),
+        };
+        let tear = Tear {
+            time_s,
+            sheet: name.to_owned(),
+            position_m: [y, x, z],
+            length_m: a.min(b).min(lasts_s),
             cause,
         };
-        [Event::Buckle(buckle), Event::Friction(friction)]
+        [Event::Buckle(buckle), Event::Friction(friction), Event::Tear(tear)]
     }
 
     #[test]
@@ -490,25 +572,56 @@ mod tests {
     }
 
     #[test]
-    fn what_cloth_does_has_no_numbers_that_are_none() {
+    fn what_sheets_do_has_no_numbers_that_are_none() {
         for at in 0..8 {
             let mut numbers = [1.0; 8];
-            numbers[at] = f64::INFINITY;
-            for event in of_cloth(numbers, "x") {
+            numbers[at] = f64::NEG_INFINITY;
+            for event in of_sheets(numbers, "xyz") {
                 // Of a buckle the seventh number is its sign alone.
                 let is_told = write(&mut Vec::new(), &event).is_ok();
                 assert_eq!(is_told, at == 6 && matches!(event, Event::Buckle(_)), "{event:?}");
             }
         }
+        let resonator =
+            Resonator { ruling_m: 1.0, border_m: 1.0, area_m2: 1.0, position_m: [1.0; 3], normal: [1.0; 3] };
+        let none = f64::NAN;
+        for resonator in [
+            Resonator { ruling_m: none, ..resonator },
+            Resonator { border_m: none, ..resonator },
+            Resonator { area_m2: none, ..resonator },
+            Resonator { position_m: [1.0, none, 1.0], ..resonator },
+            Resonator { normal: [1.0, 1.0, none], ..resonator },
+        ] {
+            for mut event in of_sheets([1.0; 8], "xyz") {
+                match &mut event {
+                    Event::Buckle(Buckle { resonators, .. })
+                    | Event::Friction(Friction { resonators, .. }) => {
+                        resonators.push(resonator);
+                    }
+                    _ => continue,
+                }
+                assert!(write(&mut Vec::new(), &event).is_err(), "{event:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn cloth_is_written_without_resonators() -> std::io::Result<()> {
+        for event in of_sheets([1.0; 8], "xyz") {
+            let mut bytes = Vec::new();
+            write(&mut bytes, &event)?;
+            assert!(!String::from_utf8_lossy(&bytes).contains("resonators"));
+        }
+        Ok(())
     }
 
     proptest! {
         #[test]
-        fn what_cloth_does_comes_back_exactly(
+        fn what_sheets_do_comes_back_exactly(
             numbers in prop::array::uniform8(any::<f64>().prop_filter("finite", |x| x.is_finite())),
             name in any::<String>(),
         ) {
-            let events = of_cloth(numbers, &name);
+            let events = of_sheets(numbers, &name);
             let mut bytes = Vec::new();
             for event in &events {
                 write(&mut bytes, event)?;

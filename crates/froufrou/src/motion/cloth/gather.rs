@@ -55,6 +55,7 @@ pub(super) fn events(sliding: &Sliding, patches: &Patches, name: impl Fn(u32) ->
         speed_mps: sum.speed / sum.area_m2,
         force_n: sliding.pressure_pa.map(|pressure_pa| pressure_pa * sum.area_m2),
         speeds: sum.steps.values().map(|[area, speed]| [speed / area, *area]).collect(),
+        resonators: Vec::new(),
         cause: Cause::Motion(Moved { from_s: sliding.time_s, to_s: sliding.time_s + sliding.lasts_s }),
     };
     sums.into_iter().map(event).collect()

@@ -443,6 +443,7 @@ impl Analyser {
                 energy_mps,
                 positive,
                 vertices,
+                resonators: Vec::new(),
                 cause: Cause::Motion(Moved {
                     from_s: span_s[0] - self.step_s,
                     to_s: span_s[1] + self.step_s,
