@@ -5,6 +5,8 @@ mod common;
 use std::path::Path;
 
 use common::{froufrou, good, message, told, wav};
+use froufrou::corpus::paper::plate::Shape;
+use froufrou::corpus::paper::synthetic::Paper;
 use froufrou::random::Random;
 
 #[test]
@@ -85,5 +87,71 @@ fn synthetic_cloths_are_told_to_be_so_and_drawn() {
         assert_eq!(info["is_synthetic"], true);
         assert_eq!(info["pops"].is_null(), name == "corduroy");
         assert!(std::fs::read(&png).expect("a picture").starts_with(b"\x89PNG"));
+    }
+}
+
+#[test]
+fn paper_is_told_of_drawn_and_played() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let info = told(&["corpus", "info", "synthetic/printer", "--plot", &at("matrix.png")]);
+    assert_eq!((&info["is_synthetic"], &info["clips"], &info["spectra"]), (&true.into(), &252.into(), &84.into()));
+    assert_eq!(info["places"].as_array().map(Vec::len), Some(82));
+    let text = froufrou(["corpus", "info", "synthetic/banknote"]);
+    let text = String::from_utf8_lossy(&text.stdout).into_owned();
+    assert!(text.contains("12.5 cm") && text.contains("3+1") && text.contains("9 clips, 3 spectra"), "{text}");
+    good(&froufrou(["plot", "synthetic/tracing", "-o", &at("tracing.png"), "--width", "640", "--height", "480"]));
+    for picture in ["matrix.png", "tracing.png"] {
+        let picture = std::fs::read(at(picture)).expect("a picture");
+        assert!(picture.starts_with(b"\x89PNG") && picture.len() > 10_000);
+    }
+    let error = message(&froufrou(["plot", "synthetic/tracing", "--from", "1"]));
+    assert!(error.contains("a corpus has no times"), "{error}");
+}
+
+#[test]
+fn a_recording_of_crumpling_is_harvested_corrected_and_built() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let rate_hz = 44_100;
+    let paper = Paper::named("synthetic/printer").expect("a model").expect("a model");
+    let flap = paper.flap(&Shape::rectangle(0.1, 0.2), 99, f64::from(rate_hz));
+    let clac = paper.clac(3, f64::from(rate_hz));
+    let random = Random::new(2, 2);
+    let mut sound: Vec<f32> = (0..5 * u64::from(rate_hz)).map(|n| 2e-4 * random.normal(n) as f32).collect();
+    for (clip, begins) in [(&flap, [20_000, 120_000]), (&clac, [80_000, 180_000])] {
+        for begin in begins {
+            sound[begin..].iter_mut().zip(clip).for_each(|(sum, sample)| *sum += sample);
+        }
+    }
+    wav(Path::new(&at("crumple.wav")), rate_hz, 1, &sound);
+    let (recording, corpus) = (at("crumple.wav"), at("kraft"));
+    let harvest = told(&["corpus", "harvest", &recording, "-o", &corpus]);
+    assert_eq!((&harvest["flaps"], &harvest["clacs"]), (&2.into(), &2.into()));
+    let manifest = std::fs::read_to_string(at("kraft/corpus.toml")).expect("a manifest");
+    assert_eq!(manifest.matches("[[paper.clip]]").count(), 4);
+    // What was corrected is not lost.
+    let error = message(&froufrou(["corpus", "harvest", &recording, "-o", &corpus]));
+    assert!(error.contains("there is a corpus already"), "{error}");
+    std::fs::copy(&recording, at("kraft/table.wav")).expect("a copy");
+    let friction = "[[paper.friction]]\nrecording = \"table.wav\"\nspeed_mps = 0.3\nruling_m = 0.1\nborder_m = 0.2\n";
+    std::fs::write(at("kraft/corpus.toml"), manifest + friction).expect("a file");
+    let built = told(&["corpus", "build", &corpus]);
+    assert_eq!((&built["computed"], &built["clips"], &built["spectra"]), (&true.into(), &4.into(), &1.into()));
+    assert_eq!(told(&["corpus", "build", &corpus])["computed"], false);
+    assert_eq!(told(&["info", &corpus])["kind"], "paper");
+    let text = froufrou(["corpus", "info", &corpus]);
+    assert!(String::from_utf8_lossy(&text.stdout).contains("2 clips, 0 spectra"));
+    let score = "froufrou-score 1 channel\nduration 1\nchannels m\nsound s paper \"kraft\"\nstart 1 0 s 1 0\n\
+                 set 1 0 friction-0 0.3\ngrain 1 0.5 2\nend 1 0.9\n";
+    std::fs::write(at("a.score"), score).expect("a file");
+    good(&froufrou(["mix", &at("a.score"), "-o", &at("a.wav")]));
+    for (arguments, what) in [
+        (vec!["corpus", "harvest", &recording, "-o", &corpus, "--like", "silk"], "there are synthetic/printer"),
+        (vec!["corpus", "harvest", &at("gone.wav"), "-o", &at("new")], "gone.wav"),
+        (vec!["corpus", "harvest", &recording, "-o", &at("new"), "--channel", "4"], "there is no channel 4"),
+    ] {
+        let error = message(&froufrou(arguments));
+        assert!(error.contains(what), "{error}");
     }
 }

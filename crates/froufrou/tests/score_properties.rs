@@ -84,6 +84,7 @@ fn sounds() -> impl Strategy<Value = Vec<Sound>> {
                 1 => file().prop_map(|script| Make::Procedure { script }),
                 1 => file().prop_map(|corpus| Make::Grains { corpus }),
                 1 => file().prop_map(|corpus| Make::Cloth { corpus }),
+                1 => file().prop_map(|corpus| Make::Paper { corpus }),
             ];
             (Just(name), make, values()).prop_map(|(name, make, with)| {
                 let with = if matches!(make, Make::Recording { .. }) { vec![] } else { with };

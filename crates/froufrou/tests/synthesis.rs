@@ -361,6 +361,11 @@ fn what_a_score_says_wrongly_of_an_instrument_is_told() {
         ("cloth \"synthetic/cotton\"", "start 1 0 s 1 0\ngrain 1 0 900\nend 1 1\n", "no grain 900"),
         ("cloth \"synthetic/cotton\"", "start 1 0 s 1 0\nset 1 0 sped 3\nend 1 1\n", "it has speed, level"),
         ("cloth \"synthetic/cotton\" with slop 2", "start 1 0 s 1 0\nend 1 1\n", "there are slope, unit"),
+        ("paper \"none\"", "start 1 0 s 1 0\nend 1 1\n", "corpus.toml"),
+        ("paper \"synthetic/silk\"", "start 1 0 s 1 0\nend 1 1\n", "no synthetic paper `silk`"),
+        ("paper \"synthetic/printer\"", "start 1 0 s 1 0\ngrain 1 0 252\nend 1 1\n", "no grain 252"),
+        ("paper \"synthetic/printer\"", "start 1 0 s 1 0\nset 1 0 friction-84 1\nend 1 1\n", "no control `friction-84`"),
+        ("paper \"synthetic/printer\" with slips 2", "start 1 0 s 1 0\nend 1 1\n", "slip-spacing, tearing"),
         ("procedure \"none.rhai\"", "start 1 0 s 1 0\nend 1 1\n", "none.rhai"),
     ] {
         let score = format!("froufrou-score 1 channel\nduration 1\nchannels m\nsound s {sound}\n{lines}");
@@ -393,6 +398,38 @@ fn ranges_and_threads_of_cloth_are_the_same_bytes() {
         for (from_s, to_s) in [(0.31, 0.9), (1.02, 1.2), (1.7, 2.5)] {
             let take = Take { from_s, to_s: Some(to_s), ..Take::at(rate_hz) };
             let part = studio.score(cloth_score(), take).unwrap();
+            let first = (from_s * f64::from(rate_hz)).round() as usize;
+            assert_eq!(bits(&part), wanted[first..first + part.mix.len()], "from {from_s}");
+        }
+    }
+}
+
+/// The score of `docs/paper-sounds.md`.
+fn paper_score() -> &'static str {
+    let text = include_str!("../../../docs/paper-sounds.md");
+    text.split("```froufrou-score\n").nth(1).and_then(|part| part.split("```").next()).unwrap()
+}
+
+#[test]
+fn ranges_and_threads_of_paper_are_the_same_bytes() {
+    let studio = Studio::new();
+    let bits = |sound: &Sound| sound.mix.iter().map(|sample| sample.to_bits()).collect::<Vec<_>>();
+    for rate_hz in [44_100, 96_000] {
+        let whole = studio.score(paper_score(), Take::at(rate_hz)).unwrap();
+        let wanted = bits(&whole);
+        assert!(whole.frames() >= 2 * rate_hz as usize && whole.mix.iter().all(|v| v.abs() < 1.0));
+        // All of it is heard: what slides, the flap, the clac and the tear; and rest is silent.
+        let part = |from_s: f64, to_s: f64| {
+            let at = |s: f64| (s * f64::from(rate_hz)) as usize * whole.mix.len() / whole.frames();
+            whole.mix[at(from_s)..at(to_s)].iter().fold(0.0f32, |a, b| a.max(b.abs()))
+        };
+        assert!(part(0.1, 0.5) > 1e-3 && part(0.9, 1.2) > 0.01 && part(1.5, 1.53) > 0.01 && part(1.7, 2.0) > 1e-3);
+        assert_eq!(part(2.2, 2.5), 0.0);
+        let again = studio.score(paper_score(), Take { cores: 5, ..Take::at(rate_hz) }).unwrap();
+        assert_eq!(bits(&again), wanted);
+        for (from_s, to_s) in [(0.31, 0.9), (1.02, 1.2), (1.7, 2.5)] {
+            let take = Take { from_s, to_s: Some(to_s), ..Take::at(rate_hz) };
+            let part = studio.score(paper_score(), take).unwrap();
             let first = (from_s * f64::from(rate_hz)).round() as usize;
             assert_eq!(bits(&part), wanted[first..first + part.mix.len()], "from {from_s}");
         }

@@ -1,4 +1,4 @@
-//! `froufrou corpus info`: what a cloth sounds like, in figures and as a picture.
+//! `froufrou corpus info`: what a cloth or paper sounds like, in figures and as a picture.
 
 use std::path::{Path, PathBuf};
 
@@ -7,23 +7,26 @@ use froufrou::Result;
 use froufrou::corpus::cloth::spectra::{centroid_hz, power};
 use froufrou::corpus::cloth::synthetic::PREFIX;
 use froufrou::corpus::cloth::{ClothSound, PopEntry};
+use froufrou::corpus::paper::PaperSound;
 use serde::Serialize;
 
+use super::paper::PaperFindings;
 use crate::grains::tell;
 use crate::info::sheet::{Sheet, number};
-use crate::plot::{PictureSize, cloth};
+use crate::plot::{PictureSize, cloth, paper};
 
-/// Tell what is in a corpus of cloth: its friction at each measured speed, and its pops
+/// Tell what is in a corpus: of cloth its friction at each measured speed and its pops, of paper its sizes
 #[derive(Args)]
 #[command(after_help = "\
-Example:
-  froufrou corpus info cotton --plot cotton.png")]
+Examples:
+  froufrou corpus info cotton --plot cotton.png
+  froufrou corpus info synthetic/printer --plot printer.png")]
 pub struct Info {
-    /// The folder of the corpus, or a model such as synthetic/cotton
+    /// The folder of the corpus, or a model such as synthetic/cotton or synthetic/printer
     #[arg(value_name = "CORPUS")]
     corpus: PathBuf,
 
-    /// A picture of its spectra and pops, a PNG file
+    /// A picture of its spectra, and of its pops or sizes, a PNG file
     #[arg(long, value_name = "PNG")]
     plot: Option<PathBuf>,
 
@@ -143,12 +146,27 @@ fn pops(all: &[PopEntry]) -> Option<PopFindings> {
 impl Info {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
+        if super::paper::is_paper(&self.corpus) {
+            return self.paper();
+        }
         let sound = ClothSound::named(&self.corpus.to_string_lossy(), Path::new(""))?;
         if let Some(png) = &self.plot {
             let size = self.size;
             cloth::draw(&sound, size)?.save(png)?;
         }
         let findings = Findings::of(&sound);
+        let mut sheet = Sheet::default();
+        findings.facts(&mut sheet);
+        tell(&findings, &sheet, self.json)
+    }
+
+    /// Tells of paper.
+    fn paper(&self) -> Result<()> {
+        let sound = PaperSound::named(&self.corpus.to_string_lossy(), Path::new(""))?;
+        if let Some(png) = &self.plot {
+            paper::draw(&sound, self.size)?.save(png)?;
+        }
+        let findings = PaperFindings::of(&sound);
         let mut sheet = Sheet::default();
         findings.facts(&mut sheet);
         tell(&findings, &sheet, self.json)

@@ -8,6 +8,7 @@ pub mod corpus;
 mod events;
 mod gltf;
 mod head;
+mod paper;
 mod recording;
 mod scene;
 mod score;
@@ -27,7 +28,7 @@ use crate::file_kind::FileKind;
 
 /// What is read.
 const READABLE: &str = "scenes (.toml), animations (.abc, .usd, .usda, .usdc, .usdz, .gltf, .glb, .pc2, .mdd, \
-                        .obj), audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), heads (.sofa), corpora of grains and of cloth (folders), scores, events (.jsonl), contact logs and pose logs (.csv, .csv.gz)";
+                        .obj), audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), heads (.sofa), corpora of grains, cloth and paper (folders), scores, events (.jsonl), contact logs and pose logs (.csv, .csv.gz)";
 
 /// Tells what is in a file: a scene, an animation, audio, a head, a corpus, a score, events or a contact log.
 #[derive(Debug, clap::Args)]
@@ -87,6 +88,9 @@ impl Info {
     pub fn run(self) -> Result<()> {
         let file = self.file.as_path();
         if let Some(folder) = corpus::folder(file) {
+            if crate::corpus::paper::is_paper(&folder) {
+                return self.tell(&paper::read(&folder)?);
+            }
             if Manifest::is_cloth(&folder) {
                 return self.tell(&cloth::read(&folder)?);
             }

@@ -11,7 +11,7 @@ pub struct Sheet {
 
 #[derive(Debug)]
 struct Table {
-    heads: Vec<&'static str>,
+    heads: Vec<String>,
     rows: Vec<Vec<String>>,
     left_out: usize,
 }
@@ -38,13 +38,17 @@ impl Sheet {
     /// has them whole.
     pub fn table(
         &mut self,
-        heads: &[&'static str],
+        heads: &[impl AsRef<str>],
         rows: impl IntoIterator<Item = Vec<String>>,
     ) -> &mut Self {
         let mut rows = rows.into_iter();
         let shown: Vec<Vec<String>> = rows.by_ref().take(MOST_ROWS).collect();
         if !shown.is_empty() {
-            self.tables.push(Table { heads: heads.to_vec(), rows: shown, left_out: rows.count() });
+            self.tables.push(Table {
+                heads: heads.iter().map(|head| head.as_ref().to_owned()).collect(),
+                rows: shown,
+                left_out: rows.count(),
+            });
         }
         self
     }
@@ -67,11 +71,10 @@ impl fmt::Display for Sheet {
             let widths: Vec<usize> = (0..heads.len())
                 .map(|column| {
                     let cells = rows.iter().filter_map(|row| row.get(column)).map(|cell| length(cell));
-                    cells.fold(length(heads[column]), usize::max)
+                    cells.fold(length(&heads[column]), usize::max)
                 })
                 .collect();
-            let heads = heads.iter().map(|head| (*head).to_owned()).collect();
-            for row in std::iter::once(&heads).chain(rows) {
+            for row in std::iter::once(heads).chain(rows) {
                 let mut line = String::new();
                 for (cell, width) in row.iter().zip(&widths) {
                     line.push_str(&format!("{:width$}  ", in_line(cell)));

@@ -8,6 +8,7 @@ mod colour;
 mod envelope;
 mod events;
 mod panel;
+pub mod paper;
 mod score;
 mod soundtrack;
 mod spectrogram;
@@ -17,19 +18,25 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
+use froufrou::corpus::cloth::ClothSound;
+use froufrou::corpus::cloth::manifest::Manifest;
+use froufrou::corpus::cloth::synthetic::Cloth;
+use froufrou::corpus::paper::PaperSound;
 use froufrou::corpus::recording::Recording;
 use froufrou::motion::event;
 use froufrou::{Error, Result};
 
+use self::canvas::Canvas;
 pub use self::clouds::{Cloud, clouds};
 pub use self::panel::PictureSize;
 pub use self::soundtrack::Soundtrack;
 use crate::file_kind::FileKind;
 
 /// What can be drawn.
-const READABLE: &str = "audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), events (.jsonl) and scores";
+const READABLE: &str =
+    "audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), events (.jsonl), scores, and corpora of cloth and paper (folders)";
 
-/// Draws a picture of a sound, of events or of a score.
+/// Draws a picture of a sound, of events, of a score or of a corpus.
 ///
 /// A sound is drawn as the waveform of every channel above a spectrogram, events by their impulse
 /// over time, a score by the threads of every object over time and, in object space, from above.
@@ -37,9 +44,10 @@ const READABLE: &str = "audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), events (
 #[command(after_help = "\
 Examples:
   froufrou plot out.wav -o picture.png
+  froufrou plot synthetic/printer -o printer.png
   froufrou plot out.wav --events events.jsonl --from 1 --to 2 -o second.png")]
 pub struct Plot {
-    /// An audio file, an event file or a score, told by its content.
+    /// An audio file, an event file or a score, told by its content; or the folder of a corpus of cloth or paper.
     file: PathBuf,
     /// The picture, a PNG file; left out, it lies beside FILE with the ending `.png`.
     #[arg(short, long, value_name = "PNG")]
@@ -72,6 +80,10 @@ impl Plot {
     /// A file that cannot be read or drawn, a time range that it does not have, or a picture that
     /// cannot be written.
     pub fn run(self) -> Result<()> {
+        if let Some(canvas) = self.corpus()? {
+            let output = self.output.unwrap_or_else(|| self.file.with_extension("png"));
+            return canvas.save(&output);
+        }
         let kind = FileKind::of(&self.file, READABLE)?;
         let size = self.size;
         let title = self.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -116,6 +128,27 @@ impl Plot {
             }
         };
         canvas.save(&output)
+    }
+}
+
+impl Plot {
+    /// The picture of a corpus of cloth or paper, where the file is one or names a model.
+    fn corpus(&self) -> Result<Option<Canvas>> {
+        let is_paper = crate::corpus::paper::is_paper(&self.file);
+        let name = self.file.to_string_lossy();
+        let is_cloth = Manifest::is_cloth(&self.file) || Cloth::names().any(|model| *model == *name);
+        if !is_paper && !is_cloth {
+            return Ok(None);
+        }
+        if self.events.is_some() || self.from.is_some() || self.to.is_some() {
+            return Err(Error::new("a corpus has no times")
+                .in_file(&self.file)
+                .help("leave out --events, --from and --to"));
+        }
+        Ok(Some(match is_paper {
+            true => paper::draw(&PaperSound::named(&name, Path::new(""))?, self.size)?,
+            false => cloth::draw(&ClothSound::named(&name, Path::new(""))?, self.size)?,
+        }))
     }
 }
 

@@ -3,9 +3,11 @@
 pub mod cloth;
 pub mod dictionary;
 pub mod distance;
+mod files;
 pub mod grains;
 pub mod looping;
 pub mod naming;
+pub mod paper;
 pub mod recording;
 pub mod resynthesis;
 pub mod spectral;

@@ -129,6 +129,11 @@ pub enum Make {
         /// The folder of its corpus, or the name of a model: `synthetic/cotton`.
         corpus: String,
     },
+    /// Paper that rubs by the spectra of a database, tears, and crumples by its clips.
+    Paper {
+        /// The folder of the database, or the name of a model: `synthetic/printer`.
+        corpus: String,
+    },
 }
 
 /// The words for instruments, in scenes and in scores.
@@ -144,6 +149,7 @@ pub(crate) const INSTRUMENTS: &[&str] = &[
     "membrane",
     "procedure",
     "cloth",
+    "paper",
 ];
 
 impl Make {
@@ -169,7 +175,9 @@ impl Make {
             | Make::Modes { table: Some(file), .. }
             | Make::Procedure { script: file }
             | Make::Grains { corpus: file } => Some(file),
-            Make::Cloth { corpus } if !corpus.starts_with(synthetic::PREFIX) => Some(corpus),
+            Make::Cloth { corpus } | Make::Paper { corpus } if !corpus.starts_with(synthetic::PREFIX) => {
+                Some(corpus)
+            }
             _ => None,
         }
     }
@@ -180,7 +188,9 @@ impl Make {
             | Make::Modes { table: Some(file), .. }
             | Make::Procedure { script: file }
             | Make::Grains { corpus: file } => Some(file),
-            Make::Cloth { corpus } if !corpus.starts_with(synthetic::PREFIX) => Some(corpus),
+            Make::Cloth { corpus } | Make::Paper { corpus } if !corpus.starts_with(synthetic::PREFIX) => {
+                Some(corpus)
+            }
             _ => None,
         }
     }
@@ -201,6 +211,7 @@ impl Make {
             Make::Procedure { .. } => "procedure",
             Make::Grains { .. } => "grains",
             Make::Cloth { .. } => "cloth",
+            Make::Paper { .. } => "paper",
         }
     }
 }

@@ -162,7 +162,9 @@ impl<V> Rules<V> {
             Make::Recording { path, .. } => Some(("recording", path)),
             Make::Modes { table: Some(table), .. } => Some(("table", table)),
             Make::Procedure { script } => Some(("script", script)),
-            Make::Grains { corpus } | Make::Cloth { corpus } => Some(("corpus", corpus)),
+            Make::Grains { corpus } | Make::Cloth { corpus } | Make::Paper { corpus } => {
+                Some(("corpus", corpus))
+            }
             _ => None,
         };
         if let Some((kind, _)) = file.filter(|(_, file)| file.is_empty()) {

@@ -140,6 +140,9 @@ pub fn read_sound(words: &mut Words<'_>) -> Result<Sound> {
         (None, "cloth") => {
             Make::Cloth { corpus: words.name("the folder of the corpus, or a model")?.into_owned() }
         }
+        (None, "paper") => {
+            Make::Paper { corpus: words.name("the folder of the database, or a model")?.into_owned() }
+        }
         _ => Make::Procedure { script: words.name("the path of the script")?.into_owned() },
     };
     let with = match words.keyword("`with`")? {
@@ -233,7 +236,7 @@ fn sound_line(sound: &Sound) -> Result<String> {
             text.push_str("procedure ");
             push_quoted(&mut text, script);
         }
-        Make::Grains { corpus } | Make::Cloth { corpus } => {
+        Make::Grains { corpus } | Make::Cloth { corpus } | Make::Paper { corpus } => {
             text.push_str(sound.make.kind());
             text.push(' ');
             push_quoted(&mut text, corpus);

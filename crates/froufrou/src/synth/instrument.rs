@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use crate::corpus::cloth::ClothSound;
 use crate::corpus::dictionary::Dictionary;
+use crate::corpus::paper::PaperSound;
 use crate::random::Random;
 use crate::score::Grain;
 use crate::{Error, Place, Result};
@@ -109,6 +110,11 @@ pub trait Instrument: Send + Sync {
 
     /// The cloth that it sounds like; none for most.
     fn cloth(&self) -> Option<Arc<ClothSound>> {
+        None
+    }
+
+    /// The paper that it sounds like; none for most.
+    fn paper(&self) -> Option<Arc<PaperSound>> {
         None
     }
 

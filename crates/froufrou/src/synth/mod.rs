@@ -12,6 +12,7 @@ pub mod membrane;
 pub mod mixer;
 pub mod modal;
 pub mod needle;
+pub mod paper;
 pub mod path;
 pub mod procedure;
 pub mod prototypes;

@@ -15,6 +15,7 @@ use super::mixer::Sounding;
 use super::modal::bar::Ends;
 use super::modal::{self, Modes, Shape};
 use super::needle::Needle;
+use super::paper::Paper;
 use super::procedure::Procedure;
 use super::stick_slip::StickSlip;
 use super::turbulence::Turbulence;
@@ -22,6 +23,7 @@ use super::voice::Prototype;
 use crate::corpus::cloth::ClothSound;
 use crate::corpus::dictionary::Dictionary;
 use crate::corpus::looping::seamless_loop;
+use crate::corpus::paper::PaperSound;
 use crate::corpus::recording::Recording;
 use crate::score::{Held, Make, Repeat, Sound};
 use crate::{Error, Place, Result};
@@ -89,6 +91,9 @@ fn instrument(sound: &Sound, make: &Make, folder: &Path) -> Result<Arc<dyn Instr
         Make::Cloth { corpus } => ClothSound::named(corpus, folder)
             .and_then(|cloth| Cloth::new(Arc::new(cloth), &sound.with))
             .map(|cloth| Arc::new(cloth) as _),
+        Make::Paper { corpus } => PaperSound::named(corpus, folder)
+            .and_then(|paper| Paper::new(Arc::new(paper), &sound.with))
+            .map(|paper| Arc::new(paper) as _),
         Make::Recording { .. } => Err(Error::new("a recording is no instrument")),
     };
     made.map_err(named)

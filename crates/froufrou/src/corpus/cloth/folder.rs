@@ -3,8 +3,7 @@
 //! What is computed of the recordings is kept in its folder `cache`, in files whose names say what they were computed
 //! from. They may be deleted at any time: what is not there is computed anew.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::Serialize;
 
@@ -16,8 +15,8 @@ use super::spectra::{FrictionSpectra, Spectrum};
 use super::{ClothSound, Friction, PopEntry, PopSource};
 use crate::corpus::dictionary::manifest::FILE_NAME;
 use crate::corpus::dictionary::packed::{self, Reader, Writer};
-use crate::corpus::dictionary::sinusoids::{CACHE, write};
-use crate::corpus::recording::Recording;
+use crate::corpus::dictionary::sinusoids::write;
+use crate::corpus::files::{Files, cached, copy_all, double, of_channel, read_double, toml_of};
 use crate::error::{Error, Place, Result};
 
 /// What the first lines of files say. Another way to compute what is in them asks for another number.
@@ -42,19 +41,8 @@ pub struct Built {
 /// A folder without a `corpus.toml`, recordings that cannot be read or give no friction or pops, or a corpus that cannot be written.
 pub fn build(folder: &Path, corpus: &Path) -> Result<(ClothSound, Built)> {
     let manifest = Manifest::open(folder)?;
-    let mut built = Built { copied: Vec::new(), computed: Vec::new(), takes: Vec::new() };
-    std::fs::create_dir_all(corpus).map_err(|e| Error::io("make", corpus, e))?;
-    let is_one = matches!((folder.canonicalize(), corpus.canonicalize()), (Ok(a), Ok(b)) if a == b);
-    if !is_one {
-        for name in manifest.files() {
-            if copy(&folder.join(name), &corpus.join(name))? {
-                built.copied.push(name.to_owned());
-            }
-        }
-        // Last, so that a corpus that is there is whole.
-        copy(&folder.join(FILE_NAME), &corpus.join(FILE_NAME))?;
-    }
-    std::fs::create_dir_all(corpus.join(CACHE)).map_err(|e| Error::io("make", corpus.join(CACHE), e))?;
+    let copied = copy_all(folder, corpus, &manifest.files())?;
+    let mut built = Built { copied, computed: Vec::new(), takes: Vec::new() };
     let mut files = Files::new(corpus);
     if let Some(section) = &manifest.friction {
         let key = friction_key(section, &mut files)?;
@@ -79,21 +67,6 @@ pub fn build(folder: &Path, corpus: &Path) -> Result<(ClothSound, Built)> {
         }
     }
     Ok((ClothSound::of(corpus, &manifest)?, built))
-}
-
-/// Copies a file whole or not at all, unless it is there already; whether it was not.
-fn copy(from: &Path, to: &Path) -> Result<bool> {
-    let bytes = std::fs::read(from).map_err(|e| Error::io("read", from, e))?;
-    if std::fs::metadata(to).is_ok_and(|m| m.len() == bytes.len() as u64)
-        && std::fs::read(to).is_ok_and(|there| there == bytes)
-    {
-        return Ok(false);
-    }
-    if let Some(folder) = to.parent() {
-        std::fs::create_dir_all(folder).map_err(|e| Error::io("make", folder, e))?;
-    }
-    write(to, &bytes)?;
-    Ok(true)
 }
 
 impl ClothSound {
@@ -153,73 +126,6 @@ impl ClothSound {
         let name = manifest.name.clone().unwrap_or(own);
         Ok(Self { name, friction, pops: entries, source: PopSource::Recorded(samples) })
     }
-}
-
-/// The files of a corpus, each read once.
-struct Files<'a> {
-    corpus: &'a Path,
-    bytes: BTreeMap<String, Vec<u8>>,
-}
-
-impl<'a> Files<'a> {
-    fn new(corpus: &'a Path) -> Self {
-        Self { corpus, bytes: BTreeMap::new() }
-    }
-
-    fn bytes(&mut self, name: &str) -> Result<&[u8]> {
-        if !self.bytes.contains_key(name) {
-            let path = self.corpus.join(name);
-            let metadata = std::fs::metadata(&path).map_err(|e| Error::io("open", &path, e))?;
-            if !metadata.is_file() {
-                return Err(Error::new("expected a file").in_file(path));
-            }
-            let bytes = std::fs::read(&path).map_err(|e| Error::io("read", &path, e))?;
-            self.bytes.insert(name.to_owned(), bytes);
-        }
-        Ok(self.bytes.get(name).map_or(&[], Vec::as_slice))
-    }
-
-    fn decoded(&mut self, name: &str) -> Result<Recording> {
-        let path = self.corpus.join(name);
-        Recording::decode(self.bytes(name)?, &path.to_string_lossy())
-    }
-
-    /// What is heard of a recording: one channel, or the average of all but one.
-    fn heard(&mut self, name: &str, channel: Option<usize>, but: Option<usize>) -> Result<(Vec<f32>, u32)> {
-        let path = self.corpus.join(name);
-        let recording = self.decoded(name)?;
-        let heard = match (channel, but) {
-            (Some(channel), _) => of_channel(&recording, channel, &path)?,
-            (None, None) => recording.mono(),
-            (None, Some(but)) => {
-                let others = recording.channels.into_iter().enumerate().filter(|(n, _)| *n != but);
-                let channels: Vec<Vec<f32>> = others.map(|(_, channel)| channel).collect();
-                if channels.is_empty() {
-                    return Err(Error::new("the recording has no channel but the encoder's").in_file(path));
-                }
-                let rate_hz = recording.rate_hz;
-                return Ok((Recording { rate_hz, channels }.mono(), rate_hz));
-            }
-        };
-        Ok((heard, recording.rate_hz))
-    }
-}
-
-fn of_channel(recording: &Recording, channel: usize, path: &Path) -> Result<Vec<f32>> {
-    recording.channel(channel).map(<[f32]>::to_vec).ok_or_else(|| {
-        let count = recording.channels.len();
-        Error::new(format!("there is no channel {channel}: the recording has {count}"))
-            .in_file(path)
-            .help("channels are counted from 0")
-    })
-}
-
-fn cached(corpus: &Path, key: &str) -> PathBuf {
-    corpus.join(CACHE).join(key)
-}
-
-fn toml_of(value: &impl Serialize) -> Result<String> {
-    toml::to_string(value).map_err(|e| Error::new(format!("cannot write TOML: {e}")).because(e))
 }
 
 /// The name of the file that has the spectra of a section.
@@ -288,15 +194,6 @@ fn find_pops(section: &PopsSection, files: &mut Files<'_>) -> Result<Vec<Vec<Pop
             .help("a lower `threshold` finds fainter ones; left out, it follows from each recording"));
     }
     Ok(all)
-}
-
-fn double(writer: &mut Writer, value: f64) {
-    writer.bytes.extend_from_slice(&value.to_bits().to_le_bytes());
-}
-
-fn read_double(reader: &mut Reader<'_>) -> Result<f64> {
-    let bits = reader.take(8)?.iter().rev().fold(0, |bits, byte| bits << 8 | u64::from(*byte));
-    Ok(f64::from_bits(bits))
 }
 
 fn friction_bytes(spectra: &FrictionSpectra, counts: &[Counts]) -> Result<Vec<u8>> {

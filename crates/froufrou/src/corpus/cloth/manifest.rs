@@ -10,13 +10,11 @@ use super::clips::Gathering;
 use super::motion::Seams;
 use super::preset;
 use crate::corpus::dictionary::manifest::{FILE_NAME, line};
+use crate::corpus::files::{check_inside, has_section, manifest_text};
 use crate::error::{Error, Place, Result};
 
 /// The only version so far.
 const VERSION: u32 = 1;
-
-/// The most bytes of the file.
-const MOST_BYTES: u64 = 16 << 20;
 
 /// The most recordings of a section.
 const MOST_RECORDINGS: usize = 10_000;
@@ -42,6 +40,9 @@ pub struct Manifest {
     /// What is read by others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub units: Option<toml::Value>,
+    /// What is read by [`paper`](crate::corpus::paper).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub paper: Option<toml::Value>,
 }
 
 /// `[friction]`.
@@ -170,11 +171,7 @@ impl PopsSection {
 impl Manifest {
     /// Whether the `corpus.toml` of a folder is that of a cloth: it has sections of friction or pops.
     pub fn is_cloth(corpus: &Path) -> bool {
-        let path = corpus.join(FILE_NAME);
-        let is_small = std::fs::metadata(&path).is_ok_and(|metadata| metadata.len() <= MOST_BYTES);
-        let text = if is_small { std::fs::read_to_string(path).unwrap_or_default() } else { String::new() };
-        let table: toml::Table = text.parse().unwrap_or_default();
-        table.contains_key("friction") || table.contains_key("pops")
+        has_section(corpus, &["friction", "pops"])
     }
 
     /// Reads the file of a corpus.
@@ -182,17 +179,8 @@ impl Manifest {
     /// # Errors
     /// Where there is no corpus, or the file is not such a file.
     pub fn open(corpus: &Path) -> Result<Self> {
-        let path = corpus.join(FILE_NAME);
-        let metadata = std::fs::metadata(&path).map_err(|e| Error::io("open", &path, e).help(HELP))?;
-        if metadata.len() > MOST_BYTES {
-            return Err(Error::new(format!("the file has more than {MOST_BYTES} bytes")).in_file(path));
-        }
-        let bytes = std::fs::read(&path).map_err(|e| Error::io("read", &path, e))?;
-        let text = String::from_utf8(bytes).map_err(|e| {
-            let at = Place::Byte(e.utf8_error().valid_up_to() as u64);
-            Error::new("expected text in UTF-8").in_file(&path).at(at)
-        })?;
-        Self::parse(&text, &path)
+        let text = manifest_text(corpus, HELP)?;
+        Self::parse(&text, &corpus.join(FILE_NAME))
     }
 
     /// Reads the text of such a file.
@@ -250,11 +238,7 @@ impl Manifest {
             }
         }
         for file in self.files() {
-            let is_inside =
-                Path::new(file).components().all(|part| matches!(part, std::path::Component::Normal(_)));
-            if file.is_empty() || !is_inside {
-                return Err(Error::new(format!("{file:?} is not the name of a file within the corpus")));
-            }
+            check_inside(file)?;
         }
         Ok(())
     }

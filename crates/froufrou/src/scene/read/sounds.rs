@@ -11,6 +11,7 @@ use super::super::file::{
 use super::super::toml::{Node, Table};
 use super::{Keys, cloth, one_or_many, unknown, with_place};
 use crate::Result;
+use crate::corpus::paper::synthetic::Paper;
 use crate::score::{Blow, INSTRUMENTS, Make, Mode, Radiation, Repeat};
 use crate::space::dipole;
 use crate::space::directivity::Directivity;
@@ -136,10 +137,13 @@ fn instrument(name: &str, node: &Node<'_, '_>, folder: &Folder) -> Result<Instru
     }
     let table = node.table(INSTRUMENT)?;
     let kind = KINDS[table.required("kind", "what makes the sound")?.choice(KINDS)?];
-    for (key, of) in [("table", "modes"), ("modes", "modes"), ("script", "procedure"), ("corpus", "cloth")] {
+    for (key, of) in [("table", "modes"), ("modes", "modes"), ("script", "procedure")] {
         if let Some(node) = table.get(key).filter(|_| kind != of) {
             return Err(node.error(format!("is for the kind {of:?}, and this is a {kind:?}")));
         }
+    }
+    if let Some(node) = table.get("corpus").filter(|_| !["cloth", "paper"].contains(&kind)) {
+        return Err(node.error(format!("is for the kinds \"cloth\" and \"paper\", and this is a {kind:?}")));
     }
     let file = |key: &str| -> Result<Option<String>> {
         let Some(node) = table.get(key) else { return Ok(None) };
@@ -149,6 +153,16 @@ fn instrument(name: &str, node: &Node<'_, '_>, folder: &Folder) -> Result<Instru
         "cloth" => {
             let node = table.required("corpus", cloth::CORPUS)?;
             Make::Cloth { corpus: cloth::corpus(&node, folder)? }
+        }
+        "paper" => {
+            let expected = "the folder of a database of paper, or a model such as \"synthetic/printer\"";
+            let node = table.required("corpus", expected)?;
+            let name = node.text(expected)?;
+            let corpus = match Paper::named(&name) {
+                Some(model) => with_place(&node, model.map(|_| name.clone()))?,
+                None => with_place(&node, folder.folder(&name))?.name,
+            };
+            Make::Paper { corpus }
         }
         "modes" => {
             let modes = Make::Modes { table: file("table")?, modes: modes(&table)? };

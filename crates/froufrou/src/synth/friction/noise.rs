@@ -1,6 +1,6 @@
 //! Noise of a spectrum that changes: frames of random phase, overlapped and added.
 //!
-//! A frame is 50 ms long, the next begins 25 ms later. Phases of two frames have nothing to do with one another, so what
+//! A frame of cloth is 50 ms long, the next begins 25 ms later. Phases of two frames have nothing to do with one another, so what
 //! overlaps adds in power, and a window whose *square* adds to 1 keeps the level: half a sine. A triangular one, as An, James &
 //! Marschner (2012) had, adds to 1 itself; its power falls to a half between two frames, 3 dB forty times a second.
 
@@ -34,9 +34,8 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// At a sample rate.
-    pub fn new(rate_hz: f64, random: Random) -> Self {
-        let hop = hop_samples(rate_hz);
+    /// A frame begins every `hop` samples, and is twice as long.
+    pub fn new(hop: usize, random: Random) -> Self {
         let inverse = RealFftPlanner::new().plan_fft_inverse(2 * hop);
         let window = (0..2 * hop).map(|n| (PI * (n as f64 + 0.5) / (2 * hop) as f64).sin() as f32).collect();
         Self {

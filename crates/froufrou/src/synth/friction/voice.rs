@@ -118,7 +118,7 @@ impl Voice {
     /// A voice that begins at rest. All that is random in it comes from `random`.
     pub fn new(table: Arc<RateTable>, rate_hz: f64, random: Random) -> Self {
         let histogram = SpeedHistogram::new(&table.table);
-        Self { noise: Noise::new(rate_hz, random), histogram, amplitudes: Vec::new(), table }
+        Self { noise: Noise::new(hop_samples(rate_hz), random), histogram, amplitudes: Vec::new(), table }
     }
 
     /// Adds the stretch that follows the one before to `out`. The first `3 · PARTS` controls are those of [`controls`].

@@ -1,4 +1,7 @@
 use super::*;
+use std::path::PathBuf;
+
+use crate::corpus::dictionary::sinusoids::CACHE;
 use crate::random::Random;
 
 const RATE_HZ: u32 = 16_000;
