@@ -1,4 +1,4 @@
-"""Thins simulated cloth of the test data to what examples need: some of its vertices and every second frame, as point
+"""Thins simulated cloth and paper of the test data to what examples need: some of its vertices and every second frame, as point
 caches.
 
 Dev-only. Needs numpy and alembic3d from PyPI, and the test data's animations (simulated in Blender by make_animations.py):
@@ -47,6 +47,8 @@ def thin(animation, name, columns, rows, every, to):
 
 thin("sheet.abc", "Sheet", 49, 49, 4, HERE / "cloth/sheet")
 thin("flag.abc", "Flag", 49, 33, 4, HERE / "flag/flag")
+thin("paper_flip.abc", "Paper", 29, 21, 2, HERE / "paper-flip/paper")
+thin("paper_slide.abc", "Paper", 29, 21, 2, HERE / "paper-slide/paper")
 
 # The floor under the sheet, and the cylinder that lies along z.
 around = 48

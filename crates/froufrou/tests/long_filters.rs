@@ -85,7 +85,7 @@ fn lines() -> Vec<ChannelLine> {
             }
             if sound == "wind" && key < 13 {
                 let action = Action::Set(vec![("speed".to_owned(), 10.0 * chance(3))]);
-                lines.push(ChannelLine::Cue(Cue { thread, time_s, action }));
+                lines.push(ChannelLine::Cue(Cue { thread, time_s, action, cause: String::new() }));
             }
             time_s += if chance(4) < 0.6 { 1.0 / 60.0 } else { 0.2 * chance(5) + 0.001 };
         }

@@ -183,10 +183,21 @@ fn statements<V: Clone>(sketch: &Sketch<V>, sounds: &[Sound], paths: bool) -> Ve
             lines.push(of_path(Verb::Path));
         }
         if let Some(action) = sketch.cues.get(index).filter(|_| made && !ends) {
-            lines.push(Line::Cue(Cue { thread, time_s, action: action.clone() }));
+            lines.push(Line::Cue(Cue { thread, time_s, action: action.clone(), cause: cause_of(action) }));
         }
     }
     lines
+}
+
+/// Some causes, of what may have one.
+fn cause_of(action: &Action) -> String {
+    match action {
+        Action::Grain(grain) if grain.number % 2 == 0 => {
+            format!("\"{}\" is a cause, \\ and so on", grain.number)
+        }
+        Action::Strike(_) => "a blow".to_owned(),
+        Action::Set(_) | Action::Grain(_) => String::new(),
+    }
 }
 
 /// All lines of all threads, as a person may have mixed them.

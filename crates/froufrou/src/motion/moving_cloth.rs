@@ -215,7 +215,47 @@ pub fn events(scene: &Scene, world: &World) -> Result<impl Iterator<Item = Resul
     }))
 }
 
-/// The energies of all buckles of each cloth of a scene, by its name: what those of recorded pops are held against.
+/// Of a cloth that buckles more often than this only a part of its energies is kept.
+const MOST_ENERGIES: usize = 1 << 16;
+
+/// Energies as they come in: all of them, and of very many every so manieth, the least and the greatest.
+#[derive(Debug, Clone, Default)]
+struct Energies {
+    kept: Vec<f64>,
+    count: u64,
+    /// One in 2 to the power of this is kept.
+    thinned: u32,
+    extremes: Option<[f64; 2]>,
+}
+
+impl Energies {
+    fn push(&mut self, energy_mps: f64) {
+        let [least, greatest] = self.extremes.unwrap_or([energy_mps; 2]);
+        self.extremes = Some([least.min(energy_mps), greatest.max(energy_mps)]);
+        if self.kept.len() == MOST_ENERGIES {
+            let mut index = 0;
+            self.kept.retain(|_| {
+                index += 1;
+                index % 2 == 1
+            });
+            self.thinned += 1;
+        }
+        if self.count.is_multiple_of(1 << self.thinned) {
+            self.kept.push(energy_mps);
+        }
+        self.count += 1;
+    }
+
+    fn finish(mut self) -> Vec<f64> {
+        if self.thinned > 0 {
+            self.kept.extend(self.extremes.into_iter().flatten());
+        }
+        self.kept
+    }
+}
+
+/// The energies of the buckles of each cloth of a scene, by its name: what those of recorded pops are held against. Of
+/// very many it is a part that is spread as they are.
 ///
 /// # Errors
 /// Those of [`events`].
@@ -227,13 +267,13 @@ pub fn buckle_energies(scene: &Scene, world: &World) -> Result<BTreeMap<String, 
         patches: 1,
         ..settings(cloth)
     };
-    let mut energies: BTreeMap<String, Vec<f64>> = BTreeMap::new();
+    let mut energies: BTreeMap<String, Energies> = BTreeMap::new();
     for told in cloths_of(scene, world, false, buckles_alone)?.into_iter().flatten() {
         if let Told::Event(Event::Buckle(buckle)) = told? {
             energies.entry(buckle.cloth).or_default().push(buckle.energy_mps);
         }
     }
-    Ok(energies)
+    Ok(energies.into_iter().map(|(cloth, energies)| (cloth, energies.finish())).collect())
 }
 
 impl Iterator for MovingCloth {
@@ -251,6 +291,30 @@ impl Iterator for MovingCloth {
                 self.over = true;
                 return Some(Err(fault.in_file(self.file.clone())));
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn very_many_energies_are_thinned_and_spread_as_before() {
+        let energy = |i: u64| ((i * 7919) % 1_000_003) as f64;
+        let run = |count: u64| {
+            let mut energies = Energies::default();
+            (0..count).for_each(|i| energies.push(energy(i)));
+            energies.finish()
+        };
+        assert_eq!(run(1000), (0..1000).map(energy).collect::<Vec<_>>());
+        let mut kept = run(1_000_003);
+        assert!(kept.len() <= MOST_ENERGIES + 2 && kept.len() > MOST_ENERGIES / 2);
+        kept.sort_by(f64::total_cmp);
+        assert_eq!((kept[0], kept[kept.len() - 1]), (0.0, 1_000_002.0));
+        for part in [0.1, 0.5, 0.9] {
+            let found = kept[(part * kept.len() as f64) as usize];
+            assert!((found / 1_000_003.0 - part).abs() < 0.01, "{part}: {found}");
         }
     }
 }

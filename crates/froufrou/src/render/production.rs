@@ -123,7 +123,7 @@ fn end_s(scene: &Scene, world: &World) -> Result<f64> {
 /// What a composer has to know of each sound.
 fn facts(soundings: &Soundings) -> impl Iterator<Item = (String, SoundFacts)> + '_ {
     soundings.iter().map(|(name, sounding)| {
-        let (mut grains, mut cloth) = (None, None);
+        let (mut grains, mut cloth, mut paper) = (None, None, None);
         let (period_s, ring_s, controls) = match sounding {
             Sounding::Recording(prototype) => {
                 let period_s = prototype.samples.len() as f64 / prototype.rate_hz;
@@ -133,13 +133,12 @@ fn facts(soundings: &Soundings) -> impl Iterator<Item = (String, SoundFacts)> + 
                 let controls = instrument.controls().iter().map(|control| control.name.clone());
                 grains = instrument.corpus();
                 cloth = instrument.cloth();
+                paper = instrument.paper();
                 (None, instrument.ring_s(), controls.collect())
             }
         };
-        (
-            name.clone(),
-            SoundFacts { length_s: sounding.duration_s(), period_s, ring_s, controls, grains, cloth },
-        )
+        let length_s = sounding.duration_s();
+        (name.clone(), SoundFacts { length_s, period_s, ring_s, controls, grains, cloth, paper })
     })
 }
 

@@ -148,6 +148,8 @@ pub struct Material {
     pub grains: Option<GrainSound>,
     /// What it sounds like as a cloth that rubs and crumples.
     pub cloth: Option<Cloth>,
+    /// What it sounds like as a sheet of paper that crumples, rubs and tears.
+    pub paper: Option<Paper>,
     /// What it sounds like when it moves through the air.
     pub air: Option<AirSound>,
     /// What it does to the sound of others.
@@ -328,6 +330,46 @@ pub struct Cloth {
     pub friction_db: f64,
     /// Gain of pops in decibels.
     pub pops_db: f64,
+    /// The distance at which it is heard at its own gain, in metres.
+    pub reference_distance_m: f64,
+}
+
+/// A material of paper: objects of it are looked at for where they crumple, rub and tear, and for what vibrates then
+/// (Schreck et al. 2016).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Paper {
+    /// The folder of its database, or the name of a model such as `synthetic/printer`.
+    pub corpus: String,
+    /// The databases of its friction along other materials, by their names.
+    pub against: Vec<(String, String)>,
+    /// A file of the regions of its sheet, where its animator has them.
+    pub regions: Option<Asset>,
+    /// Vertices that are held, by their numbers.
+    pub held: Vec<u32>,
+    /// How near a vertex is to what it touches, in metres.
+    pub radius_m: f64,
+    /// What slides slower is silent, in metres a second.
+    pub floor_speed_mps: f64,
+    /// Vibration stops at edges that are bent by more than this, in radians.
+    pub ridge_rad: f64,
+    /// What bends by less than this over its width is flat, in radians.
+    pub flat_rad: f64,
+    /// Curvature is averaged over so many metres.
+    pub average_m: Option<f64>,
+    /// Crumplings of less energy are silent, in metres a second.
+    pub least_energy_mps: f64,
+    /// The energy at which clips are as loud as they were recorded, in metres a second.
+    pub reference_energy_mps: f64,
+    /// How loud stick–slip is as it begins to slide.
+    pub slip: f64,
+    /// How loud tears are.
+    pub tearing: f64,
+    /// Whether the spectra of what rubs at once add as magnitudes (1) or as powers (0).
+    pub coherence: f64,
+    /// Gain of crumpling in decibels.
+    pub crumple_db: f64,
+    /// Gain of friction and tears in decibels.
+    pub friction_db: f64,
     /// The distance at which it is heard at its own gain, in metres.
     pub reference_distance_m: f64,
 }

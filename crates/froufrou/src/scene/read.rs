@@ -20,6 +20,7 @@ use super::track::{Interpolation, Track, TrackKey};
 
 mod cloth;
 mod enclosure;
+mod paper;
 mod sounds;
 
 /// The keys of one kind of table.
@@ -142,6 +143,7 @@ pub(crate) const ALL_KEYS: &[(&str, Keys)] = &[
     ("`grains` of a material", sounds::GRAINS),
     ("`cloth` of a material", cloth::CLOTH),
     ("`membrane` of a cloth", cloth::SHEET),
+    ("`paper` of a material", paper::PAPER),
     ("`air` of a material", sounds::AIR),
     ("`reflect` of a material", sounds::REFLECT),
     ("`occlude` of a material", sounds::OCCLUDE),

@@ -134,7 +134,12 @@ const SWARMS: u64 = 0x5a72_0000_0000_0000;
 impl Carrier {
     /// Something that stands still.
     pub fn still(position_m: [f64; 3]) -> Self {
-        let key = super::track::TrackKey { time_s: 0.0, position_m, facing: [0.0, 0.0, -1.0] };
+        Self::still_facing(position_m, [0.0, 0.0, -1.0])
+    }
+
+    /// Something that stands still and faces some direction, a unit vector.
+    pub fn still_facing(position_m: [f64; 3], facing: [f64; 3]) -> Self {
+        let key = super::track::TrackKey { time_s: 0.0, position_m, facing };
         let track = Track { keys: vec![key], interpolation: Interpolation::Linear };
         let way = Way::Track(Arc::new(track));
         Self { way, point: Point::Offset([0.0; 3]), origin_s: 0.0, frame_rate_hz: 1.0 }

@@ -8,6 +8,7 @@ mod cloth;
 mod contacts;
 mod grains;
 mod palette;
+mod paper;
 mod voice;
 
 use std::cmp::Reverse;
@@ -18,7 +19,8 @@ use std::sync::Arc;
 use self::cloth::Wardrobe;
 use self::contacts::LEAST_QUIET;
 use self::grains::Flow;
-use self::voice::{Follows, Place, Voice, faded};
+use self::paper::Stack;
+use self::voice::{Follows, Place, Telling, Voice, faded};
 use super::retarget::{self, Repertoire, Shader};
 use super::{
     Action, Cue, Header, Microphone, MicrophoneKey, ObjectHeader, ObjectLine, Order, Pattern, Radiation,
@@ -26,8 +28,9 @@ use super::{
 };
 use crate::corpus::cloth::ClothSound;
 use crate::corpus::dictionary::Dictionary;
+use crate::corpus::paper::PaperSound;
 use crate::motion::contacts::LogEvents;
-use crate::motion::event::Event;
+use crate::motion::event::{Event, Friction};
 use crate::motion::moving::MovingBodies;
 use crate::motion::moving_cloth::{self, buckle_energies};
 use crate::motion::rub::Rubbing;
@@ -61,7 +64,9 @@ pub fn header(scene: &Scene, world: &World) -> Result<ObjectHeader> {
         receivers.push(Microphone { name, pickup, fixed });
     }
     let mut patterns: Vec<Pattern> = Vec::new();
-    for radiation in scene.sounds.iter().filter_map(|sound| sound.pattern.as_ref()) {
+    let has_paper = scene.materials.iter().any(|material| material.paper.is_some());
+    let disk = has_paper.then(paper::radiation);
+    for radiation in scene.sounds.iter().filter_map(|sound| sound.pattern.as_ref()).chain(&disk) {
         if patterns.iter().all(|pattern| pattern.radiation != *radiation) {
             let name = format!("pattern-{}", patterns.len() + 1);
             patterns.push(Pattern { name, radiation: radiation.clone() });
@@ -103,6 +108,8 @@ pub struct SoundFacts {
     pub grains: Option<Arc<Dictionary>>,
     /// Of cloth: how it sounds.
     pub cloth: Option<Arc<ClothSound>>,
+    /// Of paper: its database.
+    pub paper: Option<Arc<PaperSound>>,
 }
 
 /// What happens in a scene by itself, told by its contact logs and by how its objects move, in time order.
@@ -188,6 +195,8 @@ pub struct Composer<'a, E> {
     shaders: HashMap<String, Shader>,
     /// What its cloths sound like.
     wardrobe: Wardrobe,
+    /// What is known of its sheets of paper.
+    stack: Stack,
     /// Events that have been foreseen and are still to come.
     foreseen: VecDeque<Event>,
     /// By how much events are foreseen, in seconds: for what begins before them.
@@ -316,6 +325,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             repertoires: HashMap::new(),
             shaders: HashMap::new(),
             wardrobe: Wardrobe::default(),
+            stack: Stack::default(),
             foreseen: VecDeque::new(),
             foresight_s: 0.0,
             ready: VecDeque::new(),
@@ -331,7 +341,9 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         let pops = cloths.any(|cloth| !cloth.pops().is_empty());
         let energies = if pops { buckle_energies(scene, world)? } else { BTreeMap::new() };
         composer.wardrobe = Wardrobe::new(&composer, &energies)?;
-        composer.foresight_s = composer.foresight_s.max(composer.wardrobe.longest_lead_s());
+        composer.stack = Stack::new(&composer);
+        let leads_s = composer.wardrobe.longest_lead_s().max(composer.stack.longest_lead_s());
+        composer.foresight_s = composer.foresight_s.max(leads_s);
         let grains = scene.materials.iter().filter_map(|material| material.grains.as_ref());
         for shader in grains.filter_map(|grains| grains.shader.as_ref()) {
             if !composer.shaders.contains_key(&shader.name) {
@@ -436,13 +448,23 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                     // What an impact sounds like may begin before it; what slides and rolls is told as it does.
                     match event {
                         Event::Impact(impact) => self.strike(&impact)?,
-                        Event::Buckle(buckle) => self.crumple(&buckle)?,
+                        Event::Buckle(buckle) => match self.paper_of(&buckle.cloth) {
+                            Some(paper) => self.fold(&buckle, paper)?,
+                            None => self.crumple(&buckle)?,
+                        },
                         event => self.foreseen.push_back(event),
                     }
                 }
             } else {
                 match self.foreseen.pop_front() {
-                    Some(Event::Friction(friction)) => self.rustle(&friction)?,
+                    Some(Event::Friction(friction)) => match self.paper_of(&friction.cloth) {
+                        Some(paper) => {
+                            let all = self.as_well(friction);
+                            self.scuff(&all, paper)?;
+                        }
+                        None => self.rustle(&friction)?,
+                    },
+                    Some(Event::Tear(tear)) => self.rip(&tear)?,
                     Some(Event::Flap(flap)) => self.flap(&flap)?,
                     Some(event) => {
                         if let Some((how, rub)) = event.rub() {
@@ -453,6 +475,22 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                 }
             }
         }
+    }
+
+    /// A moment of friction, and those that are foreseen of the same sheet at the same time.
+    fn as_well(&mut self, friction: Friction) -> Vec<Friction> {
+        let mut all = vec![friction];
+        let same = self.foreseen.iter().take_while(|event| event.time_s() == all[0].time_s).count();
+        let rest = self.foreseen.split_off(same);
+        for event in std::mem::replace(&mut self.foreseen, rest).into_iter().rev() {
+            match event {
+                Event::Friction(other) if other.cloth == all[0].cloth => all.push(other),
+                other => self.foreseen.push_front(other),
+            }
+        }
+        // They were taken from the last on.
+        all[1..].reverse();
+        all
     }
 
     /// Gives a microphone's line.
@@ -495,7 +533,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         self.ready.push_back(ObjectLine::Thread(Statement { thread: id, path: 0, time_s, verb, value }));
         if let Some(speed) = speed {
             let action = Action::Set(vec![("speed".to_owned(), tidy(speed))]);
-            self.ready.push_back(ObjectLine::Cue(Cue { thread: id, time_s, action }));
+            self.ready.push_back(ObjectLine::Cue(Cue { thread: id, time_s, action, cause: String::new() }));
         }
         if ends {
             self.voices.remove(&id);
@@ -509,11 +547,12 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
     /// Tells a thread what it is to be told by now.
     fn cue(&mut self, id: u64, time_s: f64) {
         let Some(voice) = self.voices.get_mut(&id) else { return };
-        while let Some((_, action)) = voice.cues.pop_front_if(|(due_s, _)| *due_s <= time_s) {
-            self.ready.push_back(ObjectLine::Cue(Cue { thread: id, time_s, action }));
+        while let Some(Telling { action, cause, .. }) = voice.cues.pop_front_if(|told| told.time_s <= time_s)
+        {
+            self.ready.push_back(ObjectLine::Cue(Cue { thread: id, time_s, action, cause }));
         }
         // A voice may yet be told to last longer; one that is over by then is told nothing.
-        if let Some(&(next_s, _)) = voice.cues.front() {
+        if let Some(next_s) = voice.cues.front().map(|next| next.time_s) {
             self.due.push(Reverse(Due { time_s: next_s, what: What::Cue, id }));
         }
     }
@@ -544,7 +583,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         let id = self.next_thread;
         self.next_thread += 1;
         self.due.push(Reverse(Due { time_s, what: What::Line, id }));
-        if let Some(&(cue_s, _)) = voice.cues.front() {
+        if let Some(cue_s) = voice.cues.front().map(|first| first.time_s) {
             self.due.push(Reverse(Due { time_s: cue_s.max(time_s), what: What::Cue, id }));
         }
         self.voices.insert(id, voice);
@@ -570,10 +609,11 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         let key = planned.key.unwrap_or(StartKey { time_s: planned.time_s, gain_db: 0.0, speed: 1.0 });
         let speed = sound.speed * key.speed * variation;
         let natural_end_s = planned.time_s + facts.map_or(0.0, |facts| facts.length_s) / speed;
-        let mut cues: VecDeque<(f64, Action)> = VecDeque::new();
+        let mut cues: VecDeque<Telling> = VecDeque::new();
         let end_s = match &sound.timing {
             Timing::Strikes(strikes) => {
-                cues.extend(strikes.iter().map(|&(time_s, blow)| (time_s, Action::Strike(blow))));
+                let strike = |&(time_s, blow): &(f64, _)| Telling::from((time_s, Action::Strike(blow)));
+                cues.extend(strikes.iter().map(strike));
                 let last_s = strikes.last().map_or(planned.time_s, |&(time_s, _)| time_s);
                 last_s + facts.and_then(|facts| facts.ring_s).unwrap_or(0.0)
             }
@@ -583,8 +623,8 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         };
         let sets =
             sound.set.iter().map(|key| (key.time_s.max(planned.time_s), Action::Set(key.values.clone())));
-        cues.extend(sets);
-        cues.make_contiguous().sort_by(|a, b| a.0.total_cmp(&b.0));
+        cues.extend(sets.map(Telling::from));
+        cues.make_contiguous().sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         // A control of the name is told by the motion, where the author says nothing.
         let told = sound.set.iter().flat_map(|key| &key.values).any(|(name, _)| name == "speed");
         let has_speed = facts.is_some_and(|facts| facts.controls.iter().any(|name| name == "speed"));

@@ -639,6 +639,8 @@ pub struct Cue {
     pub time_s: f64,
     /// What is said.
     pub action: Action,
+    /// Why a grain or a strike is, in a few words for the log. Empty: not said.
+    pub cause: String,
 }
 
 /// What is said to a synthesised sound.

@@ -399,53 +399,71 @@ pub fn read_cue<V>(verb: &str, words: &mut Words<'_>, rules: &mut Rules<V>) -> R
     let thread = words.whole("the thread's number")?;
     let time_s = words.number_of(quantity::TIME)?;
     rules.cue(verb, thread, time_s).map_err(|fault| place(words, fault))?;
-    let action = match verb {
-        "set" => Action::Set(read_values(words)?),
-        "strike" => Action::Strike(read_blow(words)?),
-        _ => Action::Grain(read_grain(words)?),
+    let (action, cause) = match verb {
+        "set" => (Action::Set(read_values(words)?), None),
+        "strike" => read_blow(words)?,
+        _ => read_grain(words)?,
     };
-    Ok(Cue { thread, time_s, action })
+    Ok(Cue { thread, time_s, action, cause: cause.unwrap_or_default() })
 }
 
-fn read_blow(words: &mut Words<'_>) -> Result<Blow> {
-    let (mut impulse_ns, mut at, mut contact_s) = (None, None, None);
-    let expected = "`impulse J`, `place X` or `contact SECONDS`";
+/// Reads why a grain or a strike is.
+fn read_cause(cause: &mut Option<String>, keyword: &str, words: &mut Words<'_>) -> Result<()> {
+    let text = words.name("the cause, in quotes")?.into_owned();
+    once(cause, keyword, words, text)
+}
+
+fn read_blow(words: &mut Words<'_>) -> Result<(Action, Option<String>)> {
+    let (mut impulse_ns, mut at, mut contact_s, mut cause) = (None, None, None, None);
+    let expected = "`impulse J`, `place X`, `contact SECONDS` or `cause \"…\"`";
     while let Some(keyword) = words.keyword(expected)? {
+        if keyword == "cause" {
+            read_cause(&mut cause, keyword, words)?;
+            continue;
+        }
         let (part, quantity) = match keyword {
             "impulse" => (&mut impulse_ns, quantity::IMPULSE),
             "place" => (&mut at, quantity::STRIKE_PLACE),
             "contact" => (&mut contact_s, quantity::CONTACT),
             other => {
-                return Err(words.unknown("word", other, ["impulse", "place", "contact"], expected));
+                return Err(words.unknown("word", other, ["impulse", "place", "contact", "cause"], expected));
             }
         };
         let number = words.number_of(quantity)?;
         once(part, keyword, words, number)?;
     }
     let impulse_ns = impulse_ns.ok_or_else(|| words.fault("a strike without an `impulse`"))?;
-    Ok(Blow { impulse_ns, place: at.unwrap_or(0.0), contact_s: contact_s.unwrap_or(0.0) })
+    let blow = Blow { impulse_ns, place: at.unwrap_or(0.0), contact_s: contact_s.unwrap_or(0.0) };
+    Ok((Action::Strike(blow), cause))
 }
 
-fn read_grain(words: &mut Words<'_>) -> Result<Grain> {
+fn read_grain(words: &mut Words<'_>) -> Result<(Action, Option<String>)> {
     let number = words.whole("the grain's number")?;
-    let (mut gain, mut speed, mut spread) = (None, None, None);
-    let expected = "`gain G`, `speed S` or `spread P`";
+    let (mut gain, mut speed, mut spread, mut cause) = (None, None, None, None);
+    let expected = "`gain G`, `speed S`, `spread P` or `cause \"…\"`";
     while let Some(keyword) = words.keyword(expected)? {
+        if keyword == "cause" {
+            read_cause(&mut cause, keyword, words)?;
+            continue;
+        }
         let (part, quantity) = match keyword {
             "gain" => (&mut gain, quantity::GAIN),
             "speed" => (&mut speed, quantity::PLAYBACK_SPEED),
             "spread" => (&mut spread, quantity::SPREAD),
-            other => return Err(words.unknown("word", other, ["gain", "speed", "spread"], expected)),
+            other => {
+                return Err(words.unknown("word", other, ["gain", "speed", "spread", "cause"], expected));
+            }
         };
         let number = words.number_of(quantity)?;
         once(part, keyword, words, number)?;
     }
-    Ok(Grain {
+    let grain = Grain {
         number,
         gain: gain.unwrap_or(1.0),
         speed: speed.unwrap_or(1.0),
         spread: spread.unwrap_or(0.0),
-    })
+    };
+    Ok((Action::Grain(grain), cause))
 }
 
 /// Reads what follows `hear` or `cut`.
@@ -540,6 +558,11 @@ pub fn push_line<S: Space>(text: &mut String, line: &S::Line, receivers: &[S::Re
                         quantity::SPREAD.push(text, grain.spread)?;
                     }
                 }
+            }
+            // What is only said has no cause.
+            if !cue.cause.is_empty() && !matches!(cue.action, Action::Set(_)) {
+                text.push_str(" cause ");
+                push_quoted(text, &cue.cause);
             }
         }
         LineRef::Microphone(key) => {

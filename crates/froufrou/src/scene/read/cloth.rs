@@ -67,7 +67,8 @@ pub(super) fn cloth(node: &Node<'_, '_>, folder: &Folder) -> Result<Cloth> {
     let of_all_db = gain("gain_db")?;
     Ok(Cloth {
         corpus: corpus(&named, folder)?,
-        against: get("against").map_or(Ok(Vec::new()), |node| against(&node.named()?, folder))?,
+        against: get("against")
+            .map_or(Ok(Vec::new()), |node| against(&node.named()?, |node| corpus(node, folder)))?,
         radius_m: within("radius", preset.map_or(RADIUS_M, |p| p.contact_radius_m), "metres", 1e-4, 10.0)?,
         floor_speed_mps: within(
             "floor_speed",
@@ -127,9 +128,12 @@ pub(super) fn corpus(node: &Node<'_, '_>, folder: &Folder) -> Result<String> {
 }
 
 /// The corpora along other materials.
-fn against(table: &Table<'_, '_>, folder: &Folder) -> Result<Vec<(String, String)>> {
+pub(super) fn against(
+    table: &Table<'_, '_>,
+    corpus: impl Fn(&Node<'_, '_>) -> Result<String>,
+) -> Result<Vec<(String, String)>> {
     let entries = table.entries().into_iter();
-    entries.map(|(name, node)| Ok((name.to_owned(), corpus(&node, folder)?))).collect()
+    entries.map(|(name, node)| Ok((name.to_owned(), corpus(&node)?))).collect()
 }
 
 fn preset(node: &Node<'_, '_>) -> Result<&'static preset::AnimationPreset> {

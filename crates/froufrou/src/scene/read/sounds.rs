@@ -9,9 +9,8 @@ use super::super::file::{
     Scene, SceneSound, SetKey, StartKey, Timing,
 };
 use super::super::toml::{Node, Table};
-use super::{Keys, cloth, one_or_many, unknown, with_place};
+use super::{Keys, cloth, one_or_many, paper, unknown, with_place};
 use crate::Result;
-use crate::corpus::paper::synthetic::Paper;
 use crate::score::{Blow, INSTRUMENTS, Make, Mode, Radiation, Repeat};
 use crate::space::dipole;
 use crate::space::directivity::Directivity;
@@ -22,7 +21,7 @@ pub(super) const MODE: Keys = &["frequency", "decay", "gain", "points"];
 const DENSITY: f64 = 1000.0;
 
 pub(super) const MATERIAL: Keys =
-    &["impact", "slide", "roll", "grains", "cloth", "air", "reflect", "occlude", "density"];
+    &["impact", "slide", "roll", "grains", "cloth", "paper", "air", "reflect", "occlude", "density"];
 pub(super) const GRAINS: Keys = &[
     "corpus",
     "shader",
@@ -155,14 +154,8 @@ fn instrument(name: &str, node: &Node<'_, '_>, folder: &Folder) -> Result<Instru
             Make::Cloth { corpus: cloth::corpus(&node, folder)? }
         }
         "paper" => {
-            let expected = "the folder of a database of paper, or a model such as \"synthetic/printer\"";
-            let node = table.required("corpus", expected)?;
-            let name = node.text(expected)?;
-            let corpus = match Paper::named(&name) {
-                Some(model) => with_place(&node, model.map(|_| name.clone()))?,
-                None => with_place(&node, folder.folder(&name))?.name,
-            };
-            Make::Paper { corpus }
+            let node = table.required("corpus", paper::CORPUS)?;
+            Make::Paper { corpus: paper::corpus(&node, folder)? }
         }
         "modes" => {
             let modes = Make::Modes { table: file("table")?, modes: modes(&table)? };
@@ -285,6 +278,7 @@ pub(super) fn material(
         return Err(node.error("a material needs a name"));
     }
     let table = node.table(MATERIAL)?;
+    table.at_most_one(&["cloth", "paper"])?;
     Ok(Material {
         name: name.to_owned(),
         impact: table
@@ -295,6 +289,7 @@ pub(super) fn material(
         roll: table.get("roll").map(|node| rub(&node.table(RUB)?, instruments, folder)).transpose()?,
         grains: table.get("grains").map(|node| grains(&node, folder)).transpose()?,
         cloth: table.get("cloth").map(|node| cloth::cloth(&node, folder)).transpose()?,
+        paper: table.get("paper").map(|node| paper::paper(&node, folder)).transpose()?,
         air: table.get("air").map(|node| air_sound(&node.table(AIR)?, instruments)).transpose()?,
         acoustics: Acoustics {
             reflect: table.get("reflect").map(|node| reflect(&node)).transpose()?.flatten(),

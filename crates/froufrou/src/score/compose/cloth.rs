@@ -8,7 +8,7 @@ use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::voice::{Place, Voice};
+use super::voice::{Place, Telling, Voice};
 use super::{Composer, Due, What, from_db, palette, tidy};
 use crate::corpus::cloth::ClothSound;
 use crate::corpus::cloth::playback::Playback;
@@ -106,7 +106,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
     }
 
     /// The object that something in the world belongs to.
-    fn index_of(&self, name: &str) -> Option<usize> {
+    pub(super) fn index_of(&self, name: &str) -> Option<usize> {
         self.world.objects.iter().position(|bodies| bodies.iter().any(|body| body.name == name))
     }
 
@@ -137,7 +137,8 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             (name, format!("{} rubs along {}, {}", friction.cloth, friction.other, friction.cause))
         });
         let moment = (time_s, friction.lasts_s);
-        self.go_on(id, moment, friction.position_m, gain, vec![(time_s, Action::Set(told))]);
+        let place = Carrier::still(friction.position_m);
+        self.go_on(id, moment, place, gain, vec![(time_s, Action::Set(told))]);
         Ok(())
     }
 
@@ -157,17 +158,21 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         let begin_s = (chosen.time_s - pop.lead_s).max(0.0);
         let end_s = begin_s + pop.length_s;
         let now_s = (buckle.time_s - self.foresight_s).max(0.0);
+        let Buckle { energy_mps, vertices, cause, .. } = buckle;
         let id = self.thread((&buckle.cloth, buckle.patch, Does::Pop), now_s, buckle.patch_m, || {
-            let Buckle { cloth, energy_mps, vertices, cause, .. } = buckle;
-            (name, format!("{cloth} buckles, {energy_mps:.4} m/s over {vertices} vertices, {cause}"))
+            (name, format!("{} buckles, {cause}", buckle.cloth))
         });
+        let cause = format!(
+            "{} buckles, {energy_mps:.4} m/s over {vertices} vertices: pop {}, {cause}",
+            buckle.cloth, chosen.pop
+        );
         let gain = from_db(cloth.pops_db);
         let grain = Grain { number: chosen.pop as u32, gain, speed: 1.0, spread: 0.0 };
         if let Some(voice) = self.voices.get_mut(&id) {
             voice.gain = vec![(now_s, cloth.reference_distance_m)];
             voice.end_s = voice.end_s.max(end_s);
             voice.place = Place::Carrier(Carrier::still(buckle.patch_m));
-            voice.tell(begin_s, Action::Grain(grain));
+            voice.tell(Telling { time_s: begin_s, action: Action::Grain(grain), cause });
             if voice.start.is_none() && voice.passed_s < now_s {
                 voice.due_s = now_s;
                 self.due.push(Reverse(Due { time_s: now_s, what: What::Line, id }));
@@ -200,7 +205,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             (name, format!("{} beats the air, {}", flap.cloth, flap.cause))
         });
         let gain = from_db(sheet.gain_db) * cloth.reference_distance_m;
-        self.go_on(id, (time_s, flap.lasts_s), flap.position_m, gain, told);
+        self.go_on(id, (time_s, flap.lasts_s), Carrier::still(flap.position_m), gain, told);
         Ok(())
     }
 

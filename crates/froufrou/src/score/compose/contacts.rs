@@ -3,7 +3,7 @@
 use std::cmp::Reverse;
 use std::collections::VecDeque;
 
-use super::voice::{Place, Voice};
+use super::voice::{Place, Telling, Voice};
 use super::{Composer, Due, Group, What, from_db, tidy};
 use crate::Result;
 use crate::motion::event::{Cause, Event, Impact, Rub};
@@ -133,6 +133,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         let [from, to] = sound.place;
         let place = from + (to - from) * Random::new(self.scene.seed, STRIKES + index as u64).uniform(count);
         let blow = Blow { impulse_ns: impact.impulse_ns, place: tidy(place), contact_s: sound.contact_s };
+        let cause = format!("{body} struck by {other}, {:.4} N s, {}", impact.impulse_ns, impact.cause);
         let ringing = (index, body.to_owned());
         if struck && let Some(ring_s) = ring_s {
             // What still rings is struck again.
@@ -140,7 +141,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
                 && let Some(voice) = self.voices.get_mut(&id)
             {
                 voice.end_s = voice.end_s.max(time_s + ring_s);
-                voice.cues.push_back((time_s, Action::Strike(blow)));
+                voice.cues.push_back(Telling { time_s, action: Action::Strike(blow), cause });
                 self.due.push(Reverse(Due { time_s, what: What::Cue, id }));
                 return Ok(());
             }
@@ -151,9 +152,9 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         // Pressure is proportional to impulse; an instrument is so by itself.
         let level = if struck { 1.0 } else { impact.impulse_ns } / sound.reference_impulse_ns;
         let gain = from_db(sound.gain_db) * level * sound.reference_distance_m;
-        let cause = format!("{body} struck by {other}, {:.4} N s, {}", impact.impulse_ns, impact.cause);
         let start = Start { speed, object, cause, ..Start::new(name) };
-        let cues = if struck { VecDeque::from([(time_s, Action::Strike(blow))]) } else { VecDeque::new() };
+        let strike = struck.then(|| Telling::from((time_s, Action::Strike(blow))));
+        let cues = VecDeque::from_iter(strike);
         let id = self.begin(
             time_s,
             Voice {
@@ -213,7 +214,8 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         let told: Vec<(String, f64)> =
             told.filter(|(name, _)| has(name)).map(|(name, value)| (name.to_owned(), tidy(value))).collect();
         let told = if told.is_empty() { Vec::new() } else { vec![(rub.time_s, Action::Set(told))] };
-        self.go_on(id, (rub.time_s, rub.lasts_s), rub.position_m, gain, told);
+        let moment = (rub.time_s, rub.lasts_s);
+        self.go_on(id, moment, Carrier::still(rub.position_m), gain, told);
         Ok(())
     }
 
@@ -251,13 +253,14 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         &mut self,
         id: u64,
         (time_s, lasts_s): (f64, f64),
-        position_m: [f64; 3],
+        place: Carrier,
         gain: f64,
         told: Vec<(f64, Action)>,
     ) {
+        let told: Vec<Telling> = told.into_iter().map(Telling::from).collect();
         let end_s = time_s + RUB_GAP_S + lasts_s;
         let Some(voice) = self.voices.get_mut(&id) else { return };
-        voice.place = Place::Carrier(Carrier::still(position_m));
+        voice.place = Place::Carrier(place);
         // It dies away where it is told nothing more.
         voice.gain = vec![(time_s, gain), (end_s, 0.0)];
         voice.end_s = end_s;
@@ -266,8 +269,8 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             voice.due_s = time_s;
             self.due.push(Reverse(Due { time_s, what: What::Line, id }));
         }
-        if let Some(&(cue_s, _)) = told.first() {
-            if voice.cues.front().is_none_or(|&(next_s, _)| cue_s < next_s) {
+        if let Some(cue_s) = told.first().map(|first| first.time_s) {
+            if voice.cues.front().is_none_or(|next| cue_s < next.time_s) {
                 self.due.push(Reverse(Due { time_s: cue_s.max(time_s), what: What::Cue, id }));
             }
             voice.cues.extend(told);

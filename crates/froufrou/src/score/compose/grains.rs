@@ -11,6 +11,7 @@ use crate::motion::event::{Event, Impact, Rub};
 use crate::motion::rub::Rubbing;
 use crate::random::Random;
 use crate::scene::file::GrainSound;
+use crate::scene::world::Carrier;
 use crate::score::retarget::{Course, LONGEST_LEAD_S, Play, Repertoire, Stream, Struck};
 use crate::score::{Action, Grain, Start};
 use crate::{Error, Result};
@@ -95,7 +96,7 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
         let cause =
             format!("{body} struck by {other}, {:.4} N s, as {of}, {}", impact.impulse_ns, impact.cause);
         let start = Start { object, cause, ..Start::new(name) };
-        let cues = plays.iter().map(|play| (onset_s + play.time_s, Action::Grain(play.grain)));
+        let cues = plays.iter().map(|play| (onset_s + play.time_s, Action::Grain(play.grain)).into());
         let voice = Voice {
             start: Some(start),
             place: Place::Carrier(carrier),
@@ -156,7 +157,7 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
             (flow.begin_s + time_s, Action::Grain(grain))
         });
         let told = told.collect();
-        self.go_on(id, (rub.time_s, rub.lasts_s), rub.position_m, gain, told);
+        self.go_on(id, (rub.time_s, rub.lasts_s), Carrier::still(rub.position_m), gain, told);
         Ok(())
     }
 }

@@ -2,7 +2,7 @@
 
 use super::super::{Make, Sound};
 use crate::scene::Scene;
-use crate::scene::file::{GrainSound, Instrument, Played, Sheet};
+use crate::scene::file::{GrainSound, Instrument, Paper, Played, Sheet};
 
 /// The sounds that a scene may play.
 pub(super) fn sounds(scene: &Scene) -> Vec<Sound> {
@@ -26,6 +26,13 @@ pub(super) fn sounds(scene: &Scene) -> Vec<Sound> {
         }
         if let Some(sheet) = &cloth.membrane {
             palette.add("membrane", membrane(sheet));
+        }
+    }
+    for paper in scene.materials.iter().filter_map(|material| material.paper.as_ref()) {
+        let along = paper.against.iter().map(|(_, corpus)| corpus);
+        for corpus in std::iter::once(&paper.corpus).chain(along) {
+            let folder = corpus.trim_end_matches('/');
+            palette.add(folder.rsplit('/').next().unwrap_or_default(), self::paper(paper, corpus));
         }
     }
     palette.sounds
@@ -77,6 +84,15 @@ pub(super) fn grains(sound: &GrainSound) -> Sound {
 /// The sound of a cloth, without its name.
 pub(super) fn cloth(corpus: &str) -> Sound {
     Sound { name: String::new(), make: Make::Cloth { corpus: corpus.to_owned() }, with: Vec::new() }
+}
+
+/// The sound of a paper by one of its databases, without its name.
+pub(super) fn paper(paper: &Paper, corpus: &str) -> Sound {
+    // What is as it is anyhow is not said.
+    let with = [("coherence", paper.coherence), ("slip", paper.slip), ("tearing", paper.tearing)];
+    let with = with.iter().filter(|(_, value)| *value != 1.0);
+    let with = with.map(|(name, value)| ((*name).to_owned(), *value)).collect();
+    Sound { name: String::new(), make: Make::Paper { corpus: corpus.to_owned() }, with }
 }
 
 /// The sound of a cloth as a membrane, without its name.

@@ -22,9 +22,25 @@ pub(super) struct Voice {
     /// When it has its next line.
     pub due_s: f64,
     /// What it is still told.
-    pub cues: VecDeque<(f64, Action)>,
+    pub cues: VecDeque<Telling>,
     /// What its control `speed` follows by itself.
     pub speed: Option<Follows>,
+}
+
+/// What a thread is told.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Telling {
+    /// When, in seconds.
+    pub time_s: f64,
+    pub action: Action,
+    /// Why, where it is for a cause of its own.
+    pub cause: String,
+}
+
+impl From<(f64, Action)> for Telling {
+    fn from((time_s, action): (f64, Action)) -> Self {
+        Self { time_s, action, cause: String::new() }
+    }
 }
 
 /// Where a thread is.
@@ -59,9 +75,9 @@ impl Voice {
     }
 
     /// Tells it something at a time, after all that it is told before and then.
-    pub fn tell(&mut self, time_s: f64, action: Action) {
-        let at = self.cues.partition_point(|(before_s, _)| *before_s <= time_s);
-        self.cues.insert(at, (time_s, action));
+    pub fn tell(&mut self, telling: Telling) {
+        let at = self.cues.partition_point(|before| before.time_s <= telling.time_s);
+        self.cues.insert(at, telling);
     }
 
     /// Where it is and how loud, at a time.

@@ -24,7 +24,7 @@ use super::source::Source;
 use super::stretch::Stretch;
 use super::voice::{Playback, Prototype};
 use crate::random::Random;
-use crate::score::{Arrival, ChannelLine, Cue, LATEST_S, Start, Statement, Verb};
+use crate::score::{Action, Arrival, ChannelLine, Cue, LATEST_S, Start, Statement, Verb};
 use crate::space::bands::BandFilters;
 use crate::{Error, Place, Result};
 use voices::Thread;
@@ -67,10 +67,10 @@ const SPEEDS: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
 /// keys may be apart.
 const FASTEST: f64 = 24.0;
 
-/// A thread that has begun, for the log.
+/// A sound that has begun, for the log: a thread, or what one is told for a cause of its own.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Begun {
-    /// Its number.
+    /// The number of the thread.
     pub thread: u64,
     /// When it leaves its source.
     pub time_s: f64,
@@ -417,10 +417,37 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
     }
 
     /// Tells a synthesised sound what is said to it.
+    /// What begins in a thread as it is told something.
+    fn begun_by(&self, cue: &Cue, thread: &Thread) -> Begun {
+        let heard = thread.builders.iter().zip(&self.voices.receivers);
+        let direct =
+            || heard.clone().filter(|(_, receiver)| receiver.channels() > 0).map(|(path, _)| path.last());
+        let sound = self.names.iter().find(|&(_, &index)| index == thread.sound);
+        let louder = match &cue.action {
+            Action::Grain(grain) => grain.gain,
+            Action::Set(_) | Action::Strike(_) => 1.0,
+        };
+        Begun {
+            thread: cue.thread,
+            time_s: cue.time_s,
+            arrival_s: cue.time_s + direct().map(|key| key.delay_s).fold(f64::INFINITY, f64::min),
+            gain: louder * direct().map(|key| key.gain.abs()).fold(0.0, f64::max),
+            start: Start {
+                object: self.objects[thread.object].clone(),
+                cause: cue.cause.clone(),
+                ..Start::new(sound.map_or("", |(name, _)| name))
+            },
+        }
+    }
+
     fn cue(&mut self, cue: &Cue) -> Result<()> {
         let id = cue.thread;
         let direct = self.thread((id, 0))?;
         let (start_s, sound) = (direct.playback.start_s, direct.sound);
+        if !cue.cause.is_empty() {
+            let begun = self.voices.threads.get(&(id, 0)).map(|thread| self.begun_by(cue, thread));
+            self.begun.extend(begun);
+        }
         let Some(source) = self.voices.sources.get_mut(&id) else {
             return Err(Error::new(format!("thread {id} plays a recording, which can be told nothing")));
         };

@@ -50,8 +50,12 @@ fn known_pieces_are_found_and_told_apart() {
                 flaps += 1;
             }
         }
-        println!("{}: {} found, {right} right, {class} class, {:.2} octaves off", paper.name(), found.len(),
-            octaves / f64::from(flaps));
+        println!(
+            "{}: {} found, {right} right, {class} class, {:.2} octaves off",
+            paper.name(),
+            found.len(),
+            octaves / f64::from(flaps)
+        );
         assert!(right >= 38 && class >= 37, "{right} {class} of 40");
         assert!(found.len() <= 44, "{}", found.len());
         // The size of a flap, as the root of its area, is guessed to within half an octave or so.

@@ -1,12 +1,13 @@
-"""Simulates the cloth of two examples, a skirt about a dancer and two sleeves about arms that box, by position-based
-dynamics (Müller et al. 2007): points that keep their distances, and are pushed out of capsules.
+"""Simulates the sheets of four examples, a skirt about a dancer, two sleeves about arms that box, and paper that is shaken,
+by position-based dynamics (Müller et al. 2007): points that keep their distances, and are pushed out of capsules.
 
 Dev-only. Needs numpy:
 
     pip install numpy
-    python examples/simulate_cloth.py
+    python examples/simulate_sheets.py
 
-Writes `dress/` and `sleeves/`: the cloth and the body as point caches (PC2) at 30 frames a second, with their faces.
+Writes `dress/`, `sleeves/`, `paper-shake/` and `paper-wall/`: sheets and bodies as point caches (PC2) at 30 frames a
+second, with their faces.
 """
 
 import pathlib
@@ -19,8 +20,8 @@ GRAVITY = np.array([0.0, -9.81, 0.0])
 THICKNESS = 0.004
 
 
-def links(rows, columns, offset):
-    """Pairs of points of a tube, in sets in which no point comes twice: along, around, across, and over the next."""
+def links(rows, columns, offset, closed=True, bend=0.0005, shear=0.1):
+    """Pairs of points of a tube or a sheet, in sets in which no point comes twice: along, around, across, and over the next."""
     at = lambda row, column: offset + row * columns + column % columns
     sets = {}
     for row in range(rows):
@@ -28,12 +29,12 @@ def links(rows, columns, offset):
             for name, (down, right), stiffness in (
                 ("around", (0, 1), 1.0),
                 ("along", (1, 0), 1.0),
-                ("across", (1, 1), 0.1),
-                ("back", (1, -1), 0.1),
-                ("bend around", (0, 2), 0.0005),
-                ("bend along", (2, 0), 0.0005),
+                ("across", (1, 1), shear),
+                ("back", (1, -1), shear),
+                ("bend around", (0, 2), bend),
+                ("bend along", (2, 0), bend),
             ):
-                if row + down < rows:
+                if row + down < rows and (closed or 0 <= column + right < columns):
                     # Four colours suffice where the number of columns is a multiple of four.
                     key = (name, (row // max(down, 1)) % 2, (column // max(abs(right), 1)) % 2, stiffness)
                     sets.setdefault(key, []).append((at(row, column), at(row + down, column + right)))
@@ -68,7 +69,7 @@ def push_out(points, before, capsules, capsules_before, friction):
         points[inside] = out - friction * slid
 
 
-def simulate(rest, sets, body, held, seconds):
+def simulate(rest, sets, body, held, seconds, drag=0.6):
     """Frames of points. `body(t)` gives capsules, `held(t)` the numbers and places of points that are led."""
     lengths = [np.linalg.norm(rest[p[:, 0]] - rest[p[:, 1]], axis=1) for p, _ in sets]
     points, velocity, step = rest.copy(), np.zeros_like(rest), 1 / (FPS * SUBSTEPS)
@@ -78,7 +79,7 @@ def simulate(rest, sets, body, held, seconds):
             before, capsules_before = points.copy(), body(max(time, 0))
             time += step
             capsules = body(max(time, 0))
-            velocity = (velocity + step * GRAVITY) * np.exp(-0.6 * step)
+            velocity = (velocity + step * GRAVITY) * np.exp(-drag * step)
             points = before + step * velocity
             led, places = held(max(time, 0))
             for _ in range(ROUNDS):
@@ -212,5 +213,28 @@ def sleeves():
     write_body(HERE / "sleeves/arms", body, seconds)
 
 
+def paper(name, path, seconds):
+    """A sheet of A4 hangs from its two upper corners and is shaken, on its way along a path."""
+    columns, rows = 11, 15
+    across, down = np.linspace(-0.105, 0.105, columns), np.linspace(0, -0.297, rows)
+    rest = np.array([[x, y, 0.0] for y in down for x in across])
+    corners = np.array([0, 1, columns - 2, columns - 1])
+
+    def held(t):
+        # Two shakes a second, three times; and the corners come nearer to each other, so that it bows.
+        shakes = sum(np.clip((t - start) / 0.2, 0, 1) * np.clip((start + 0.9 - t) / 0.2, 0, 1) for start in (0.3, 1.7, 3.1))
+        to_and_fro = 0.05 * shakes * np.sin(2 * np.pi * 4 * t)
+        places = rest[corners] * [0.93, 1, 1] + [0, 0.02 * shakes * np.sin(2 * np.pi * 8 * t), to_and_fro]
+        return corners, places + path(t)
+
+    sets = links(rows, columns, 0, closed=False, bend=0.6, shear=1.0)
+    frames = simulate(rest + path(0.0), sets, lambda t: [], held, seconds, drag=3.0)
+    faces = [[row * columns + i + 1 for i in (c, c + 1, c + 1 + columns, c + columns)] for row in range(rows - 1) for c in range(columns - 1)]
+    write(HERE / name / "paper", frames, faces)
+
+
 dress()
 sleeves()
+paper("paper-shake", lambda t: np.array([0.0, 1.4, 0.0]), 4.5)
+# Towards a wall at z = 0, and back.
+paper("paper-wall", lambda t: np.array([0.0, 1.4, 1.0 - 0.85 * np.sin(np.pi * t / 4.5) ** 2]), 4.5)

@@ -1,0 +1,89 @@
+//! A material of paper.
+
+use super::super::asset::Folder;
+use super::super::toml::{Node, Table};
+use super::cloth::against;
+use super::sounds::{gain_in, reference_distance};
+use super::{Keys, with_place};
+use crate::Result;
+use crate::corpus::paper::synthetic;
+use crate::scene::file::Paper;
+
+pub(super) const PAPER: Keys = &[
+    "corpus",
+    "against",
+    "regions",
+    "held",
+    "radius",
+    "floor_speed",
+    "ridge",
+    "flat",
+    "average",
+    "least_energy",
+    "reference_energy",
+    "slip",
+    "tearing",
+    "coherence",
+    "gain_db",
+    "crumple_db",
+    "friction_db",
+    "reference_distance",
+];
+
+/// What is expected where a database is named.
+pub(super) const CORPUS: &str = "the folder of a database of paper, or a model such as \"synthetic/printer\"";
+
+/// The most vertices that are said to be held.
+const MOST_HELD: u64 = u32::MAX as u64;
+
+pub(super) fn paper(node: &Node<'_, '_>, folder: &Folder) -> Result<Paper> {
+    let table = if node.is_table() { Some(node.table(PAPER)?) } else { None };
+    let named = match &table {
+        Some(table) => table.required("corpus", CORPUS)?,
+        None => node.clone(),
+    };
+    let get = |key: &str| table.as_ref().and_then(|table| table.get(key));
+    let within = |key: &str, default: f64, what: &str, from: f64, to: f64| {
+        get(key).map_or(Ok(default), |node| node.within(what, from, to))
+    };
+    let gain = |key: &str| table.as_ref().map_or(Ok(0.0), |table: &Table<'_, '_>| gain_in(table, key));
+    let of_all_db = gain("gain_db")?;
+    let regions =
+        |node: Node<'_, '_>| with_place(&node, folder.file(&node.text("the name of a file of regions")?));
+    Ok(Paper {
+        corpus: corpus(&named, folder)?,
+        against: get("against")
+            .map_or(Ok(Vec::new()), |node| against(&node.named()?, |node| corpus(node, folder)))?,
+        regions: get("regions").map(regions).transpose()?,
+        held: get("held").map_or(Ok(Vec::new()), |node| held(&node))?,
+        radius_m: within("radius", 0.005, "metres", 0.0, 10.0)?,
+        floor_speed_mps: within("floor_speed", 0.02, "metres a second", 0.0, 100.0)?,
+        ridge_rad: within("ridge", 0.5, "radians", 0.0, 3.2)?,
+        flat_rad: within("flat", 0.25, "radians", 0.0, 100.0)?,
+        average_m: get("average").map(|node| node.within("metres", 0.0, 10.0)).transpose()?,
+        least_energy_mps: within("least_energy", 0.02, "metres a second", 0.0, 1e9)?,
+        reference_energy_mps: within("reference_energy", 1.0, "metres a second", 1e-9, 1e9)?,
+        slip: within("slip", 1.0, "a factor", 0.0, 100.0)?,
+        tearing: within("tearing", 1.0, "a factor", 0.0, 1000.0)?,
+        coherence: within("coherence", 1.0, "a number", 0.0, 1.0)?,
+        crumple_db: of_all_db + gain("crumple_db")?,
+        friction_db: of_all_db + gain("friction_db")?,
+        reference_distance_m: table.as_ref().map_or(Ok(1.0), reference_distance)?,
+    })
+}
+
+/// The name of a database, which must be there, or that of a model.
+pub(super) fn corpus(node: &Node<'_, '_>, folder: &Folder) -> Result<String> {
+    let name = node.text(CORPUS)?;
+    match synthetic::Paper::named(&name) {
+        Some(model) => with_place(node, model.map(|_| name.clone())),
+        None => Ok(with_place(node, folder.folder(&name))?.name),
+    }
+}
+
+/// The numbers of vertices.
+fn held(node: &Node<'_, '_>) -> Result<Vec<u32>> {
+    let nodes = node.list("a list of vertices, by their numbers from 0")?;
+    let number = |node: &Node<'_, '_>| node.whole("the number of a vertex", 0, MOST_HELD).map(|n| n as u32);
+    nodes.iter().map(number).collect()
+}
