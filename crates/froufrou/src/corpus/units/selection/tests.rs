@@ -123,6 +123,42 @@ proptest! {
     }
 }
 
+/// In a tree of some levels: near, far and in between, and with more features than vector units are made for.
+#[test]
+fn deep_trees_equal_brute_force() {
+    for (seed, dimensions, units, width, d_max) in [
+        (21, 3, 9000, 20.0, 2.0),
+        (22, 3, 5000, 0.0, 2.0),
+        (23, 6, 5000, 20.0, 1.0),
+        (24, 13, 2500, 8.0, 3.0),
+    ] {
+        let source = wandering(seed, units, dimensions, width, 0.0);
+        let streams = [units / 3, 0, units - units / 3];
+        for (offset, scale) in [(0.0, 1.0), (0.7, 1.0), (0.0, 3.0), (-40.0, 1.0)] {
+            let mut target = rows(&wandering(seed + 100, 14, dimensions, width, 0.0));
+            target.iter_mut().flatten().for_each(|value| *value = scale * *value + offset);
+            let settings = SelectionSettings { d_max, cool_off: 4, ..SelectionSettings::default() };
+            let index = Index::new(&source, &streams, settings.look_ahead).unwrap();
+            let ours = greedy(&index, &target.concat(), &settings).unwrap();
+            assert_eq!(ours, brute_force(&source, &streams, &target, &settings), "{seed} {offset} {scale}");
+        }
+    }
+}
+
+/// Sound far from everything else makes steps of bytes large, and changes nothing.
+#[test]
+fn an_outlier_changes_nothing() {
+    let mut values = wandering(31, 3000, 3, 12.0, 0.0).values().to_vec();
+    values[3 * 1234..3 * 1240].fill(9.9e14);
+    let source = Features::new(3, values);
+    let target = rows(&wandering(32, 20, 3, 12.0, 0.0));
+    let settings = SelectionSettings { cool_off: 3, ..SelectionSettings::default() };
+    let index = Index::new(&source, &[3000], settings.look_ahead).unwrap();
+    let ours = greedy(&index, &target.concat(), &settings).unwrap();
+    assert_eq!(ours, brute_force(&source, &[3000], &target, &settings));
+    assert!(index.search().nearest(&target.concat(), 2.0, 0, &[], Some(3)).is_empty());
+}
+
 /// A target that is the recording is the recording.
 #[test]
 fn a_recording_is_made_of_itself() {
@@ -161,13 +197,16 @@ fn what_does_not_fit_is_an_error() {
     let source = wandering(8, 30, 3, 0.0, 0.0);
     assert!(Index::new(&source, &[29], 5).is_err());
     assert!(Index::new(&Features::new(3, Vec::new()), &[], 5).is_err());
-    assert!(Index::new(&Features::new(1, vec![f32::NAN]), &[1], 5).is_err());
+    for value in [f32::NAN, f32::INFINITY, -2e15] {
+        assert!(Index::new(&Features::new(1, vec![value]), &[1], 5).is_err());
+    }
     let index = Index::new(&source, &[30], 5).unwrap();
     let settings = SelectionSettings::default();
     assert!(Greedy::new(&index, &SelectionSettings { look_ahead: 4, ..settings.clone() }).is_err());
     assert!(Greedy::new(&index, &SelectionSettings { cool_off: 30, ..settings.clone() }).is_err());
     let mut greedy = Greedy::new(&index, &settings).unwrap();
     assert!(greedy.push(&[0.0; 2]).is_err() && greedy.push(&[0.0, f64::NAN, 0.0]).is_err());
+    assert!(greedy.push(&[0.0, 1e16, 0.0]).is_err());
 }
 
 /// Of much silence, the first units are taken, and as quickly as others.
