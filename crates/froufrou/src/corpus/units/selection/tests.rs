@@ -223,3 +223,54 @@ fn silence_is_taken_in_order() {
     let ours = greedy(&index, &target.concat(), &settings).unwrap();
     assert_eq!(ours, brute_force(&source, &streams, &target, &settings));
 }
+
+/// Sound that comes block by block makes the choices of sound that is there at once, at the delay that is told.
+#[test]
+fn live_choices_are_those_of_the_whole() {
+    use crate::corpus::units::FeatureSettings;
+    use crate::corpus::units::features::Extractor;
+    use crate::corpus::units::high_pass::HighPass;
+    use crate::corpus::units::smoothing::Smoother;
+    let noise = |seed: u64, samples: u64| -> Vec<f32> {
+        let random = Random::new(seed, 0);
+        let swell = |i: u64| (1.5 * (i as f64 / 7000.0 + seed as f64).sin() - 2.0).exp();
+        (0..samples).map(|i| (swell(i) * random.normal(i)) as f32).collect()
+    };
+    let widths = [20.0, 50.0, 10.0];
+    let extractor = Extractor::new(&FeatureSettings::default(), 48_000).unwrap();
+    let whole = |mut sound: Vec<f32>| {
+        HighPass::new(100.0, 48_000).unwrap().process(&mut sound);
+        smooth(&extractor.features(&sound), &widths)
+    };
+    let source = whole(noise(1, 300_000));
+    let index = Index::new(&source, &[source.len()], 5).unwrap();
+    let target = noise(2, 60_000);
+    let settings = SelectionSettings::default();
+    let wanted = greedy(&index, &rows(&whole(target.clone())).concat(), &settings).unwrap();
+
+    let mut high_pass = HighPass::new(100.0, 48_000).unwrap();
+    let mut analysis = extractor.stream();
+    let mut smoother = Smoother::new(3, &widths);
+    let mut live = Greedy::new(&index, &settings).unwrap();
+    let mut chosen = Vec::new();
+    for (block, samples) in target.chunks(100).enumerate() {
+        let mut samples = samples.to_vec();
+        high_pass.process(&mut samples);
+        for row in analysis.push(&samples).rows() {
+            if let Some(row) = smoother.push(row).unwrap() {
+                chosen.extend(live.push(&row).unwrap());
+            }
+        }
+        let whole_units = (100 * (block + 1)).min(target.len()) / extractor.unit_samples();
+        assert_eq!(chosen.len(), whole_units.saturating_sub(smoother.delay() + settings.look_ahead));
+    }
+    let mut rest: Vec<Vec<f64>> = Vec::new();
+    for row in analysis.finish().rows() {
+        rest.extend(smoother.push(row).unwrap());
+    }
+    for row in rest.into_iter().chain(smoother.finish()) {
+        chosen.extend(live.push(&row).unwrap());
+    }
+    chosen.extend(live.finish());
+    assert_eq!(chosen, wanted);
+}
