@@ -82,6 +82,9 @@ struct Told {
     /// What the selection costs, and what the greedy one does.
     cost: f64,
     greedy_cost: f64,
+    /// Whether it is proved that no selection from the candidates costs less, and none at all; never of the greedy one.
+    is_best_of_candidates: bool,
+    is_best: bool,
     /// Samples beyond full scale.
     clipped: u64,
     seconds: f64,
@@ -107,7 +110,7 @@ impl Concatenate {
         if let Some(path) = &self.units {
             let mut text = "channel,target_s,recording,source_channel,source_s,distance,within\n".to_owned();
             for (channel, lane) in selected.iter().enumerate() {
-                for (i, chosen) in lane.chosen.iter().enumerate() {
+                for (i, chosen) in lane.found.chosen.iter().enumerate() {
                     let (name, source, source_s) = corpus.at(chosen.unit);
                     let name = format!("\"{}\"", name.replace('"', "\"\""));
                     let (target_s, source) = (i as f64 * corpus.unit_s(), source + 1);
@@ -128,8 +131,10 @@ impl Concatenate {
         let labels = Labels { channel_mask: speakers::usual_mask(channels), broadcast: None };
         let mut writer = SoundWriter::create(container, &self.output, format, labels)?;
         let concatenation = Concatenation::new(&corpus, corpus.unit_samples(), rate_hz);
-        let units: Vec<Vec<usize>> =
-            selected.iter().map(|lane| lane.chosen.iter().map(|chosen| chosen.unit).collect()).collect();
+        let units: Vec<Vec<usize>> = selected
+            .iter()
+            .map(|lane| lane.found.chosen.iter().map(|chosen| chosen.unit).collect())
+            .collect();
         for from in (0..target.frames).step_by(BLOCK) {
             let to = (from + BLOCK).min(target.frames);
             let mut block = vec![0.0; (to - from) * channels];
@@ -149,11 +154,18 @@ impl Concatenate {
             duration_s: target.frames as f64 / f64::from(rate_hz),
             units: units.iter().map(Vec::len).sum(),
             jumps: selected.iter().map(|lane| lane.jumps).sum(),
-            beyond: selected.iter().map(|lane| lane.cost.beyond).sum(),
-            cost: sum(&|lane| lane.cost.sum),
-            greedy_cost: sum(&|lane| lane.greedy_cost.sum),
+            beyond: selected.iter().map(|lane| lane.found.cost.beyond).sum(),
+            cost: sum(&|lane| lane.found.cost.sum),
+            greedy_cost: sum(&|lane| lane.found.greedy_cost.sum),
+            is_best_of_candidates: selected.iter().all(|lane| lane.found.is_best_of_candidates),
+            is_best: selected.iter().all(|lane| lane.found.is_best),
             clipped,
             seconds: started.elapsed().as_secs_f64(),
+        };
+        let proved = match (told.is_best, told.is_best_of_candidates) {
+            (true, _) => "nothing costs less",
+            (false, true) => "nothing that was considered costs less",
+            (false, false) => "not that it is the best: ways that might cost less were left out",
         };
         let mut sheet = Sheet::default();
         sheet
@@ -163,6 +175,7 @@ impl Concatenate {
             .fact("beyond d_max", told.beyond)
             .fact("cost", format!("{:.3}", told.cost))
             .fact_if("greedy cost", self.optimal.then(|| format!("{:.3}", told.greedy_cost)))
+            .fact_if("proved", self.optimal.then_some(proved))
             .fact_if("beyond full scale", (clipped > 0).then(|| format!("{clipped} samples")))
             .fact("took", format!("{:.2} s", told.seconds));
         tell(&told, &sheet, self.json)

@@ -38,6 +38,19 @@ fn a_target_is_made_again_of_a_corpus() {
     let again = told(&["features", "build", &takes, "-o", &corpus]);
     assert_eq!((&again["computed"], &again["settings"]), (&0.into(), &built["settings"]));
 
+    // What `info` counts without computing any is what was computed.
+    for file in [corpus.clone(), at("corpus/corpus.toml")] {
+        let info = told(&["info", &file]);
+        assert_eq!((&info["kind"], &info["units"]), (&"units".into(), &built["units"]), "{info}");
+        assert_eq!((&info["rate_hz"], &info["settings"]), (&48_000.into(), &built["settings"]));
+        let seconds: Vec<f64> = (0..2).filter_map(|i| info["recordings"][i]["duration_s"].as_f64()).collect();
+        assert_eq!((seconds, info["duration_s"].as_f64()), (vec![3.125, 1.875], Some(5.0)));
+    }
+    let sheet = froufrou(["info", &corpus]);
+    good(&sheet);
+    let sheet = String::from_utf8_lossy(&sheet.stdout).into_owned();
+    assert!(sheet.contains("1189 of 202 samples") && sheet.contains("5.00 s"), "{sheet}");
+
     let csv = froufrou(["features", "write", &target, &corpus]);
     good(&csv);
     let csv = String::from_utf8_lossy(&csv.stdout).into_owned();
@@ -75,6 +88,12 @@ fn a_target_is_made_again_of_a_corpus() {
     if best["beyond"] == warped["beyond"] {
         assert!(best["cost"].as_f64() <= best["greedy_cost"].as_f64());
     }
+    // The greedy selection proves nothing, and of many units few are candidates.
+    assert_eq!((&warped["is_best"], &warped["is_best_of_candidates"]), (&false.into(), &false.into()));
+    assert_eq!(best["is_best"], false);
+    let text = froufrou(["concatenate", &target, &corpus, "--warp", &auto, "--optimal", "-o", &out]);
+    good(&text);
+    assert!(String::from_utf8_lossy(&text.stdout).contains("proved"), "{text:?}");
     let fitted = told(&["concatenate", &target, &corpus, "--pairs", &pairs, "-o", &at("fitted.flac")]);
     assert_eq!(fitted["units"], 298);
 }
@@ -111,4 +130,23 @@ fn faults_are_told() {
     let text = std::fs::read_to_string(&warp).expect("a warp").replace("version = 1", "version = 9");
     std::fs::write(&warp, text).expect("a file");
     fails(&["warp", "plot", &warp, &corpus], "version: is 9, expected 1");
+}
+
+/// Where all units are candidates and may come again at once, nothing has to be left out.
+#[test]
+fn what_is_proved_is_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    std::fs::create_dir_all(at("corpus/takes")).expect("a folder");
+    wav(Path::new(&at("corpus/takes/one.wav")), 48_000, 1, &rustle(1, 8_000, 0.5, 0.5));
+    wav(Path::new(&at("target.wav")), 48_000, 1, &rustle(2, 6_000, 0.5, 0.5));
+    let text = "version = 1\n[units]\nrecordings = [\"takes\"]\nwidths = []\nlambda = 1\n\
+                [units.selection]\ncool_off = 0\ncandidates = 1000\n";
+    std::fs::write(at("corpus/corpus.toml"), text).expect("a corpus");
+    let (target, corpus, out) = (at("target.wav"), at("corpus"), at("out.wav"));
+    let best = told(&["concatenate", &target, &corpus, "--optimal", "-o", &out]);
+    assert_eq!((&best["is_best"], &best["is_best_of_candidates"]), (&true.into(), &true.into()), "{best}");
+    let text = froufrou(["concatenate", &target, &corpus, "--optimal", "-o", &out]);
+    good(&text);
+    assert!(String::from_utf8_lossy(&text.stdout).contains("nothing costs less"), "{text:?}");
 }

@@ -5,8 +5,8 @@
 //! ```
 //!
 //! `features` makes those of a minute at 96 kHz on all cores; `items/s` counts samples. `select` chooses 2000 units greedily
-//! among those of 3:47 minutes (54 000 units of 4.2 ms) and of two hours (1 700 000) of one kind of sound, `index` makes
-//! the index for it; `items/s` counts units. `fit` fits a warp to so many points, `warp` carries 1000 units by one of so many;
+//! among those of 3:47 minutes (54 000 units of 4.2 ms) and of two hours (1 700 000) of one kind of sound, which has no
+//! silence and never repeats; `index` makes the index for it; `items/s` counts units. `fit` fits a warp to so many points, `warp` carries 1000 units by one of so many;
 //! `items/s` counts points, and units. `optimal` is the best selection for 500 units; `join` makes sound of units that all
 //! jump; `items/s` counts units.
 

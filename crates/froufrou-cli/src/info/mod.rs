@@ -13,6 +13,7 @@ mod recording;
 mod scene;
 mod score;
 pub mod sheet;
+mod units;
 #[cfg(feature = "usd")]
 mod usd;
 
@@ -20,6 +21,7 @@ use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
 
 use froufrou::corpus::cloth::manifest::Manifest;
+use froufrou::corpus::units::folder as units_folder;
 use froufrou::{Error, Result};
 use serde::Serialize;
 
@@ -28,7 +30,7 @@ use crate::file_kind::FileKind;
 
 /// What is read.
 const READABLE: &str = "scenes (.toml), animations (.abc, .usd, .usda, .usdc, .usdz, .gltf, .glb, .pc2, .mdd, \
-                        .obj), audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), heads (.sofa), corpora of grains, cloth and paper (folders), scores, events (.jsonl), contact logs and pose logs (.csv, .csv.gz)";
+                        .obj), audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), heads (.sofa), corpora of grains, of cloth, of paper and of units (folders), scores, events (.jsonl), contact logs and pose logs (.csv, .csv.gz)";
 
 /// Tells what is in a file: a scene, an animation, audio, a head, a corpus, a score, events or a contact log.
 #[derive(Debug, clap::Args)]
@@ -93,6 +95,9 @@ impl Info {
             }
             if Manifest::is_cloth(&folder) {
                 return self.tell(&cloth::read(&folder)?);
+            }
+            if units_folder::is_of_units_alone(&folder) {
+                return self.tell(&units_folder::survey(&folder)?);
             }
             return self.tell(&corpus::read(&folder)?);
         }

@@ -28,10 +28,14 @@ pub(in crate::corpus) fn at_rate(samples: Vec<f32>, from_hz: u32, to_hz: u32) ->
     if ratio > sinc::MAX_RATIO {
         return Err(Error::new(format!("a sound of {from_hz} Hz cannot be brought to {to_hz} Hz")));
     }
-    let length = (samples.len() as u64 * u64::from(to_hz)).div_ceil(u64::from(from_hz));
-    let mut out = vec![0.0; length as usize];
+    let mut out = vec![0.0; length_at_rate(samples.len(), from_hz, to_hz)];
     sinc::resample(&samples, 0.0, ratio, &mut out);
     Ok(out)
+}
+
+/// How many samples a sound has at another rate.
+pub(in crate::corpus) fn length_at_rate(samples: usize, from_hz: u32, to_hz: u32) -> usize {
+    (samples as u64 * u64::from(to_hz)).div_ceil(u64::from(from_hz)) as usize
 }
 
 /// What grains are cut from: an impulsive sound itself, the sinusoids and the residual of a continuous one.

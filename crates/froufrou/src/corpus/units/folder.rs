@@ -16,6 +16,7 @@
 
 mod cache;
 mod manifest;
+mod survey;
 
 use std::path::{Path, PathBuf};
 
@@ -26,8 +27,8 @@ use super::concatenation::{Sound, UnitPlace, place_of};
 use super::correspondences::Correspondence;
 use super::features::{Extractor, Features};
 use super::high_pass::HighPass;
-use super::optimal::{self, Cost, optimal};
-use super::selection::{Chosen, Index, greedy};
+use super::optimal::{self, Optimum, optimal};
+use super::selection::{Index, greedy};
 use super::settings::{Channels, Settings};
 use super::smoothing::smooth;
 use super::warp::{Basis, Clip, Warp};
@@ -36,7 +37,8 @@ use crate::corpus::naming::find;
 use crate::corpus::recording::Recording;
 use crate::error::{Error, Place, Result};
 
-pub use manifest::{create, settings};
+pub use manifest::{create, is_of_units_alone, settings};
+pub use survey::{Survey, Surveyed, survey};
 
 /// A corpus that is open: features in memory, sound on disk.
 pub struct Corpus {
@@ -84,12 +86,8 @@ pub struct Target {
 /// What was chosen for a lane of a target.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Selected {
-    /// A unit for each of the lane.
-    pub chosen: Vec<Chosen>,
-    /// What they cost.
-    pub cost: Cost,
-    /// What the greedy selection costs.
-    pub greedy_cost: Cost,
+    /// A unit for each of the lane, and what they cost. Of the greedy selection nothing is proved.
+    pub found: Optimum,
     /// How many do not follow the one before.
     pub jumps: usize,
 }
@@ -319,20 +317,23 @@ impl Corpus {
             .par_iter()
             .map(|lane| {
                 let warped = warp.apply_all(lane)?;
-                let (chosen, cost, greedy_cost) = match best {
-                    true => {
-                        let found = optimal(&index, &warped, selection)?;
-                        (found.chosen, found.cost, found.greedy_cost)
-                    }
+                let found = match best {
+                    true => optimal(&index, &warped, selection)?,
                     false => {
                         let chosen = greedy(&index, &warped, selection)?;
                         let cost = optimal::cost(&index, &chosen, selection);
-                        (chosen, cost, cost)
+                        Optimum {
+                            chosen,
+                            cost,
+                            greedy_cost: cost,
+                            is_best_of_candidates: false,
+                            is_best: false,
+                        }
                     }
                 };
-                let jumps =
-                    chosen.windows(2).filter(|pair| !index.follows(pair[0].unit, pair[1].unit)).count();
-                Ok(Selected { chosen, cost, greedy_cost, jumps })
+                let pairs = found.chosen.windows(2);
+                let jumps = pairs.filter(|pair| !index.follows(pair[0].unit, pair[1].unit)).count();
+                Ok(Selected { found, jumps })
             })
             .collect();
         lanes.into_iter().collect()

@@ -39,7 +39,7 @@ pub struct Cost {
     pub sum: f64,
 }
 
-/// The best selection that was found.
+/// The best selection that was found, and how good it is known to be.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Optimum {
     /// A unit for each of the target.

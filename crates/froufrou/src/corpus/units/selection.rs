@@ -24,7 +24,9 @@
 //! which most units are never looked at; what it gives is exact.
 
 mod index;
+mod packed;
 mod search;
+mod tree;
 
 use std::collections::VecDeque;
 
@@ -32,6 +34,7 @@ use super::settings::SelectionSettings;
 use crate::error::{Error, Result};
 
 pub use index::Index;
+use index::{LARGEST, is_usable};
 pub(super) use search::distance;
 pub use search::{Found, Search};
 
@@ -74,11 +77,11 @@ impl<'a> Greedy<'a> {
     /// The next unit of the target, warped; gives the choice for the one that lies L before it.
     ///
     /// # Errors
-    /// Features that have other dimensions than those of the recordings, or are not finite.
+    /// Features that have other dimensions than those of the recordings, are not finite or beyond 10¹⁵.
     pub fn push(&mut self, warped: &[f64]) -> Result<Option<Chosen>> {
-        if warped.len() != self.index.dimensions() || warped.iter().any(|value| !value.is_finite()) {
+        if warped.len() != self.index.dimensions() || !warped.iter().all(|value| is_usable(*value)) {
             return Err(Error::new(format!(
-                "expected {} finite features of a unit, found {warped:?}",
+                "expected {} features of a unit within ±{LARGEST:e}, found {warped:?}",
                 self.index.dimensions()
             )));
         }

@@ -2,10 +2,16 @@
 //!
 //! A width is four standard deviations, after the paper; the Gaussian is cut off at four standard deviations either side.
 //! Before the first unit and after the last, the features are taken to stay as they are there.
+//!
+//! [`smooth`] has all of a sound, a [`Smoother`] unit by unit as it comes, with the same bits.
+
+mod stream;
 
 use rayon::prelude::*;
 
 use super::features::Features;
+
+pub use stream::Smoother;
 
 /// How many units a thread does at a time.
 const STRETCH: usize = 4096;
@@ -36,11 +42,16 @@ pub fn smooth(features: &Features, widths: &[f64]) -> Features {
                     .map(|i| f64::from(features.values()[within(i) * dimensions + dimension])),
             );
             for (row, around) in values.chunks_exact_mut(dimensions).zip(line.windows(kernel.len())) {
-                row[dimension] = around.iter().zip(kernel).map(|(v, k)| v * k).sum::<f64>() as f32;
+                row[dimension] = under(kernel, around);
             }
         }
     });
     Features::new(dimensions, values)
+}
+
+/// What lies under a kernel.
+fn under(kernel: &[f64], around: &[f64]) -> f32 {
+    around.iter().zip(kernel).map(|(v, k)| v * k).sum::<f64>() as f32
 }
 
 /// How many units a Gaussian of a width reaches either side.

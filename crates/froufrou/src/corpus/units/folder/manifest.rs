@@ -61,6 +61,14 @@ pub fn settings(folder: &Path) -> Result<Settings> {
     Ok(settings)
 }
 
+/// True for a corpus that is of units and of nothing else.
+pub fn is_of_units_alone(folder: &Path) -> bool {
+    let table = read(folder).ok().and_then(|text| toml::from_str::<toml::Table>(&text).ok());
+    table.is_some_and(|table| {
+        table.contains_key("units") && table.keys().all(|key| key == "units" || key == "version")
+    })
+}
+
 /// Gives a folder a `corpus.toml` with these units, or one that is there already a table `[units]`. Other tables stay.
 ///
 /// # Errors

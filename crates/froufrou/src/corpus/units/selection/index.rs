@@ -1,26 +1,28 @@
 //! A tree of all units of the recordings.
 //!
-//! A unit's window, the features of it and of the L units after it, is summed up by its *outline*: the unit's own
-//! features, and the means of a few segments of the rest. For a segment of h units Σ ‖a_k‖ ≥ h ‖mean a_k‖, so distances
-//! of outlines are never more than those of windows; and as features are smooth, not much less. The tree halves units by
-//! the number of the outline that spreads widest. Each of its nodes has a box around its outlines, and each leaf has the
-//! outlines of up to [`LANES`] units side by side.
+//! A unit's window, the features of it and of the L units after it, is summed up by means: that of all, and its *outline*,
+//! the unit's own features and the means of a few segments of the rest. For h units Σ ‖a_k‖ ≥ h ‖mean a_k‖, so distances
+//! of means are never more than those of windows, nor are those of outlines, added up; and as features are smooth, not
+//! much less. The tree is one of means, which are few numbers; outlines tell more of what it leaves over.
 
 use rayon::prelude::*;
 
 use super::search::Search;
+use super::tree::{Outlines, Tree};
 use crate::corpus::units::features::Features;
 use crate::error::{Error, Result};
-
-/// The most units of a leaf, whose outlines fill vector units.
-pub(super) const LANES: usize = 16;
 
 /// How many numbers an outline should have at most, and how many units a segment.
 const OUTLINE: usize = 16;
 const SEGMENT: usize = 5;
 
-/// How many of many units tell which number spreads widest.
-const SAMPLE: usize = 512;
+/// The largest feature, whose square is far from what 32 bits end at.
+pub(super) const LARGEST: f64 = 1e15;
+
+/// True for a number that features may have.
+pub(super) fn is_usable(value: f64) -> bool {
+    value.abs() <= LARGEST
+}
 
 /// All units of the recordings, ready to be asked for near ones.
 pub struct Index {
@@ -32,16 +34,8 @@ pub struct Index {
     starts: Vec<usize>,
     /// First row of a window and how many.
     pub(super) segments: Vec<(usize, usize)>,
-    /// Rows in the order of leaves.
-    pub(super) order: Vec<u32>,
-    /// Where each leaf begins in that order, and where the last ends.
-    pub(super) leaf_starts: Vec<u32>,
-    /// Outlines of each leaf: for each number, that of all units of the leaf.
-    pub(super) outlines: Vec<f32>,
-    /// Of each node the lowest of each number, then the highest; the children of node n are 2n + 1 and 2n + 2.
-    pub(super) boxes: Vec<f32>,
-    /// Whether all units of a node have the same window.
-    alike: Vec<bool>,
+    /// Rows by their outlines.
+    pub(super) tree: Tree,
     /// The largest number of all, regardless of its sign.
     pub(super) largest: f32,
 }
@@ -50,7 +44,7 @@ impl Index {
     /// Makes the index of units that come in streams of these lengths.
     ///
     /// # Errors
-    /// Lengths that do not add up to the units, no units, more than 2³² − 1, or features that are not finite.
+    /// Lengths that do not add up to the units, no units, more than 2³² − 1, or features that are not finite or beyond 10¹⁵.
     pub fn new(features: &Features, streams: &[usize], look_ahead: usize) -> Result<Self> {
         let dimensions = features.dimensions();
         let mut starts = vec![0usize];
@@ -72,8 +66,11 @@ impl Index {
             return Err(Error::new(format!("{units} units are more than can be numbered"))
                 .help("make the corpus of fewer recordings, or of longer units"));
         }
-        if let Some(place) = features.values().iter().position(|value| !value.is_finite()) {
-            return Err(Error::new(format!("a feature of unit {} is not finite", place / dimensions)));
+        if let Some(place) = features.values().iter().position(|value| !is_usable(f64::from(*value))) {
+            let (unit, value) = (place / dimensions, features.values()[place]);
+            return Err(Error::new(format!(
+                "a feature of unit {unit} is {value}, expected one within ±{LARGEST:e}"
+            )));
         }
         let mut rows = Vec::with_capacity(padded * dimensions);
         for (stream, &length) in streams.iter().enumerate().filter(|(_, length)| **length > 0) {
@@ -86,21 +83,21 @@ impl Index {
         starts.dedup();
         let segments = segments(dimensions, look_ahead);
         let largest = rows.iter().fold(0.0f32, |most, value| most.max(value.abs()));
-        let mut index = Self {
-            dimensions,
-            look_ahead,
-            rows,
-            starts,
-            segments,
-            order: Vec::new(),
-            leaf_starts: Vec::new(),
-            outlines: Vec::new(),
-            boxes: Vec::new(),
-            alike: Vec::new(),
-            largest,
+        let row_of = |unit: usize| row_of(&starts, look_ahead, unit);
+        let numbers = (look_ahead + 1) * dimensions;
+        let window = |row: usize| &rows[row * dimensions..][..numbers];
+        let means = |from: usize, length: usize| {
+            let part = from * dimensions..(from + length) * dimensions;
+            means(dimensions, units, |unit| &window(row_of(unit))[part.clone()])
         };
-        index.grow();
-        Ok(index)
+        let outlines = Outlines {
+            dimensions,
+            means: means(0, look_ahead + 1),
+            segments: segments.iter().map(|(from, length)| means(*from, *length)).collect(),
+        };
+        let are_alike = |a: u32, b: u32| window(a as usize) == window(b as usize);
+        let tree = Tree::new(&outlines, |unit| row_of(unit) as u32, are_alike);
+        Ok(Self { dimensions, look_ahead, rows, starts, segments, tree, largest })
     }
 
     /// How many units there are.
@@ -138,7 +135,7 @@ impl Index {
 
     /// The row of a unit, of which streams before it have added some.
     pub(super) fn row_of(&self, unit: usize) -> usize {
-        unit + self.look_ahead * (self.starts.partition_point(|start| *start <= unit) - 1)
+        row_of(&self.starts, self.look_ahead, unit)
     }
 
     /// The unit of a row.
@@ -159,112 +156,24 @@ impl Index {
     pub(super) fn outline_numbers(&self) -> usize {
         self.segments.len() * self.dimensions
     }
+}
 
-    /// How many leaves there are: a power of two.
-    pub(super) fn leaves(&self) -> usize {
-        self.leaf_starts.len() - 1
-    }
+/// The row of a unit, of streams with these first units that are followed by so many rows more.
+fn row_of(starts: &[usize], look_ahead: usize, unit: usize) -> usize {
+    unit + look_ahead * (starts.partition_point(|start| *start <= unit) - 1)
+}
 
-    /// Where all units of a node have the same window: where they begin and end in the order of leaves, in which they come
-    /// as they are numbered. So it is with silence, of which there may be much.
-    pub(super) fn alike(&self, node: usize) -> Option<std::ops::Range<usize>> {
-        if !self.alike[node] {
-            return None;
+/// The means of some rows of each unit, one after another.
+fn means<'a>(dimensions: usize, units: usize, rows: impl Fn(usize) -> &'a [f32] + Sync) -> Vec<f32> {
+    let mut all = vec![0.0f32; units * dimensions];
+    all.par_chunks_mut(dimensions).enumerate().for_each(|(unit, mean)| {
+        let rows = rows(unit);
+        for (d, mean) in mean.iter_mut().enumerate() {
+            let sum: f64 = rows.iter().skip(d).step_by(dimensions).map(|value| f64::from(*value)).sum();
+            *mean = (sum / (rows.len() / dimensions) as f64) as f32;
         }
-        Some(self.range(node))
-    }
-
-    /// Where the units of a node begin and end in the order of leaves.
-    fn range(&self, node: usize) -> std::ops::Range<usize> {
-        let (mut first, mut last) = (node, node);
-        while first < self.leaves() - 1 {
-            (first, last) = (2 * first + 1, 2 * last + 2);
-        }
-        let leaf = |node: usize| node + 1 - self.leaves();
-        self.leaf_starts[leaf(first)] as usize..self.leaf_starts[leaf(last) + 1] as usize
-    }
-
-    fn grow(&mut self) {
-        let (units, numbers) = (self.units(), self.outline_numbers());
-        let levels = units.div_ceil(LANES).next_power_of_two().trailing_zeros();
-        let leaves = 1usize << levels;
-        let outlines = self.all_outlines();
-        let weights: Vec<f32> =
-            self.segments.iter().flat_map(|(_, length)| vec![*length as f32; self.dimensions]).collect();
-        let mut order: Vec<u32> = (0..units as u32).collect();
-        halve(&mut order, &outlines, &weights, levels);
-        let mut leaf_starts = vec![0u32];
-        leaf_lengths(units, levels, &mut leaf_starts);
-        let mut rest = order.as_mut_slice();
-        for pair in leaf_starts.windows(2) {
-            let (leaf, after) = rest.split_at_mut((pair[1] - pair[0]) as usize);
-            leaf.sort_unstable();
-            rest = after;
-        }
-        self.outlines = vec![0.0; leaves * numbers * LANES];
-        self.boxes = vec![0.0; (2 * leaves - 1) * 2 * numbers];
-        let (_, leaf_boxes) = self.boxes.split_at_mut((leaves - 1) * 2 * numbers);
-        self.outlines
-            .par_chunks_mut(numbers * LANES)
-            .zip(leaf_boxes.par_chunks_mut(2 * numbers))
-            .zip(leaf_starts.par_windows(2))
-            .for_each(|((lanes, bounds), range)| {
-                bounds[..numbers].fill(f32::INFINITY);
-                bounds[numbers..].fill(f32::NEG_INFINITY);
-                for (lane, &unit) in order[range[0] as usize..range[1] as usize].iter().enumerate() {
-                    for (n, value) in outlines[unit as usize * numbers..][..numbers].iter().enumerate() {
-                        lanes[n * LANES + lane] = *value;
-                        bounds[n] = bounds[n].min(*value);
-                        bounds[numbers + n] = bounds[numbers + n].max(*value);
-                    }
-                }
-            });
-        for node in (0..leaves - 1).rev() {
-            let (parents, children) = self.boxes.split_at_mut((2 * node + 1) * 2 * numbers);
-            let parent = &mut parents[node * 2 * numbers..][..2 * numbers];
-            let (left, right) = children[..4 * numbers].split_at(2 * numbers);
-            for n in 0..numbers {
-                parent[n] = left[n].min(right[n]);
-                parent[numbers + n] = left[numbers + n].max(right[numbers + n]);
-            }
-        }
-        order.par_iter_mut().for_each(|unit| *unit = self.row_of(*unit as usize) as u32);
-        (self.order, self.leaf_starts) = (order, leaf_starts);
-        self.alike = self.find_alike();
-    }
-
-    fn find_alike(&self) -> Vec<bool> {
-        let (leaves, d) = (self.leaves(), self.dimensions);
-        let window = |row: u32| &self.rows[row as usize * d..][..(self.look_ahead + 1) * d];
-        let in_leaf = |leaf: usize| {
-            let rows = &self.order[self.range(leaf + leaves - 1)];
-            rows.len() > 1 && rows.iter().all(|row| window(*row) == window(rows[0]))
-        };
-        let leaf: Vec<bool> = (0..leaves).into_par_iter().map(in_leaf).collect();
-        let mut alike = vec![false; leaves - 1];
-        alike.extend(leaf);
-        for node in (0..leaves - 1).rev() {
-            let first = |child: usize| window(self.order[self.range(child).start]);
-            let (left, right) = (2 * node + 1, 2 * node + 2);
-            alike[node] = alike[left] && alike[right] && first(left) == first(right);
-        }
-        alike
-    }
-
-    fn all_outlines(&self) -> Vec<f32> {
-        let numbers = self.outline_numbers();
-        let mut all = vec![0.0f32; self.units() * numbers];
-        all.par_chunks_mut(numbers).enumerate().for_each(|(unit, outline)| {
-            let window = self.window(unit);
-            for (part, &(from, length)) in outline.chunks_exact_mut(self.dimensions).zip(&self.segments) {
-                for (d, mean) in part.iter_mut().enumerate() {
-                    let value = |k: usize| f64::from(window[k * self.dimensions + d]);
-                    *mean = ((from..from + length).map(value).sum::<f64>() / length as f64) as f32;
-                }
-            }
-        });
-        all
-    }
+    });
+    all
 }
 
 /// The unit itself, then the others in segments of about equal length.
@@ -274,49 +183,4 @@ fn segments(dimensions: usize, look_ahead: usize) -> Vec<(usize, usize)> {
     let edge = |i: usize| 1 + i * look_ahead / count.max(1);
     let rest = (0..count).map(|i| (edge(i), edge(i + 1) - edge(i))).filter(|(_, length)| *length > 0);
     std::iter::once((0, 1)).chain(rest).collect()
-}
-
-/// Puts the half that is lower in the number that spreads widest first, and so on in each half.
-fn halve(order: &mut [u32], outlines: &[f32], weights: &[f32], levels: u32) {
-    if levels == 0 || order.len() < 2 {
-        return;
-    }
-    let numbers = weights.len();
-    let step = order.len().div_ceil(SAMPLE);
-    let (mut sums, mut squares, mut count) = (vec![0.0f64; numbers], vec![0.0f64; numbers], 0.0);
-    for unit in order.iter().step_by(step) {
-        for (n, value) in outlines[*unit as usize * numbers..][..numbers].iter().enumerate() {
-            let value = f64::from(value * weights[n]);
-            sums[n] += value;
-            squares[n] += value * value;
-        }
-        count += 1.0;
-    }
-    let spread = |n: &usize| squares[*n] - sums[*n] * sums[*n] / count;
-    let widest = (0..numbers).max_by(|a, b| spread(a).total_cmp(&spread(b))).unwrap_or(0);
-    let middle = order.len() / 2;
-    let value = |unit: u32| outlines[unit as usize * numbers + widest];
-    order.select_nth_unstable_by(middle, |a, b| value(*a).total_cmp(&value(*b)).then(a.cmp(b)));
-    let (low, high) = order.split_at_mut(middle);
-    let halves = |part: &mut [u32]| halve(part, outlines, weights, levels - 1);
-    match middle > 4096 {
-        true => {
-            rayon::join(|| halves(low), || halves(high));
-        }
-        false => {
-            halves(low);
-            halves(high);
-        }
-    }
-}
-
-/// Where leaves end that halving makes.
-fn leaf_lengths(units: usize, levels: u32, ends: &mut Vec<u32>) {
-    match levels {
-        0 => ends.push(ends[ends.len() - 1] + units as u32),
-        _ => {
-            leaf_lengths(units / 2, levels - 1, ends);
-            leaf_lengths(units - units / 2, levels - 1, ends);
-        }
-    }
 }

@@ -1,9 +1,13 @@
 //! The units whose windows are nearest.
 
-use super::index::{Index, LANES};
+use super::index::Index;
+use super::tree::{CHILDREN, LANES, Node};
 
 /// What rounding of 32-bit bounds may come to, as a share of numbers and of the bound.
 const ROUNDING: f64 = 1e-6;
+
+/// How many children a mean may leave over before segments are asked.
+const MANY: u32 = 3;
 
 /// A unit and its distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,10 +22,13 @@ pub struct Found {
 pub struct Search<'a> {
     index: &'a Index,
     /// Nodes to be looked at, with what their units are at least away.
-    stack: Vec<(f32, u32)>,
+    stack: Vec<(f32, Node)>,
+    /// The largest bound of what may be near enough.
+    limit: f32,
     /// The outline that is asked for.
     outline: Vec<f32>,
-    squares: Vec<f32>,
+    /// The mean of its window.
+    mean: Vec<f32>,
     barred: Vec<u32>,
     /// Rows and distances, the nearest first.
     nearest: Vec<(f64, u32)>,
@@ -38,6 +45,19 @@ struct Query<'a> {
     segments: usize,
     /// What a bound in 32 bits may be too large by.
     slack: f64,
+    /// The largest bound of D1 that may be within `d_max`.
+    first_limit: f32,
+    /// True for a window with all of its terms, and how many they are.
+    is_whole: bool,
+    terms: f32,
+}
+
+impl Query<'_> {
+    /// The largest bound of what may be no more than a distance, finite in any case.
+    fn limit(slack: f64, distance: f64) -> f32 {
+        // Rounding to the nearest is less than what is given beyond.
+        ((distance + slack) * (1.0 + 20.0 * ROUNDING)).min(f64::from(f32::MAX)) as f32
+    }
 }
 
 impl<'a> Search<'a> {
@@ -46,8 +66,9 @@ impl<'a> Search<'a> {
         Self {
             index,
             stack: Vec::new(),
+            limit: f32::MAX,
             outline: vec![0.0; numbers],
-            squares: vec![0.0; numbers],
+            mean: vec![0.0; index.dimensions],
             barred: Vec::new(),
             nearest: Vec::new(),
             found: Vec::new(),
@@ -83,40 +104,19 @@ impl<'a> Search<'a> {
             }
         }
         let slack = ROUNDING * terms as f64 * (d as f64).sqrt() * largest;
-        let query = Query { window, d_max, count, segments, slack };
-        if let Some(unit) = hint.filter(|unit| *unit < index.units()) {
-            self.weigh(&query, index.row_of(unit) as u32);
+        let first_limit = Query::limit(slack, d_max);
+        let is_whole = terms == index.look_ahead + 1;
+        for (k, mean) in self.mean.iter_mut().enumerate() {
+            *mean = (window.iter().skip(k).step_by(d).sum::<f64>() / terms as f64) as f32;
         }
-        self.stack.clear();
-        self.stack.push((0.0, 0));
-        let inner = index.leaves() - 1;
-        while let Some((least, node)) = self.stack.pop() {
-            if self.is_beyond(&query, least) {
-                continue;
+        let query =
+            Query { window, d_max, count, segments, slack, first_limit, is_whole, terms: terms as f32 };
+        self.limit = f32::MAX;
+        if count > 0 {
+            if let Some(unit) = hint.filter(|unit| *unit < index.units()) {
+                self.weigh(&query, index.row_of(unit) as u32);
             }
-            let node = node as usize;
-            if let Some(range) = index.alike(node) {
-                for row in &index.order[range] {
-                    if !self.weigh(&query, *row) {
-                        break;
-                    }
-                }
-                continue;
-            }
-            if node >= inner {
-                self.leaf(&query, node - inner);
-                continue;
-            }
-            let mut children = [(self.bound(&query, 2 * node + 1), 2 * node + 1); 2];
-            children[1] = (self.bound(&query, 2 * node + 2), 2 * node + 2);
-            if children[0].0 < children[1].0 {
-                children.swap(0, 1);
-            }
-            for (least, node) in children {
-                if !self.is_beyond(&query, least) {
-                    self.stack.push((least, node as u32));
-                }
-            }
+            pulp::Arch::new().dispatch(Descent { search: self, query: &query });
         }
         let found = self.nearest.iter();
         self.found
@@ -124,67 +124,107 @@ impl<'a> Search<'a> {
         &self.found
     }
 
-    /// True where nothing at least so far away is asked for.
-    fn is_beyond(&self, query: &Query, least: f32) -> bool {
-        let farthest = match self.nearest.len() < query.count {
-            true => f64::INFINITY,
-            false => self.nearest.last().map_or(f64::NEG_INFINITY, |(distance, _)| *distance),
-        };
-        f64::from(least) * (1.0 - 10.0 * ROUNDING) - query.slack > farthest
-    }
-
-    /// True where a unit at least so far away is farther than it may be.
-    fn is_too_far(query: &Query, first: f32) -> bool {
-        f64::from(first) * (1.0 - 10.0 * ROUNDING) - query.slack > query.d_max
-    }
-
-    /// What the windows below a node are at least away; infinity where they are all farther than they may be.
-    fn bound(&mut self, query: &Query, node: usize) -> f32 {
-        let (d, numbers) = (self.index.dimensions, self.squares.len());
-        let (lowest, highest) = self.index.boxes[node * 2 * numbers..][..2 * numbers].split_at(numbers);
-        for (((square, q), low), high) in self.squares.iter_mut().zip(&self.outline).zip(lowest).zip(highest)
-        {
-            let outside = (low - q).max(q - high).max(0.0);
-            *square = outside * outside;
-        }
-        let mut sum = 0.0f32;
-        let parts = self.squares.chunks_exact(d).zip(&self.index.segments).take(query.segments);
-        for (number, (part, &(_, length))) in parts.enumerate() {
-            let distance = part.iter().sum::<f32>().sqrt();
-            if number == 0 && Self::is_too_far(query, distance) {
-                return f32::INFINITY;
+    #[inline(always)]
+    fn descend(&mut self, query: &Query, d: usize) {
+        let tree = &self.index.tree;
+        self.stack.clear();
+        self.stack.push((0.0, Node::ROOT));
+        while let Some((least, node)) = self.stack.pop() {
+            if least > self.limit {
+                continue;
             }
-            sum += length as f32 * distance;
+            if let Some(rows) = tree.alike(node) {
+                for row in rows {
+                    if !self.weigh(query, *row) {
+                        break;
+                    }
+                }
+            } else if node.level == tree.depth() {
+                self.leaf(query, d, node.place);
+            } else {
+                self.children(query, d, node);
+            }
         }
-        sum
     }
 
-    fn leaf(&mut self, query: &Query, leaf: usize) {
-        let index = self.index;
-        let (d, numbers) = (index.dimensions, index.outline_numbers());
-        let outlines = &index.outlines[leaf * numbers * LANES..][..numbers * LANES];
-        let mut sums = [0.0f32; LANES];
-        let mut firsts = [0.0f32; LANES];
-        for (segment, &(_, length)) in index.segments.iter().enumerate().take(query.segments) {
-            let mut squares = [0.0f32; LANES];
-            for k in segment * d..(segment + 1) * d {
-                let (lanes, _) = outlines[k * LANES..][..LANES].as_chunks::<LANES>();
-                for (square, value) in squares.iter_mut().zip(&lanes[0]) {
-                    let difference = value - self.outline[k];
-                    *square += difference * difference;
+    /// Remembers the children of a node that may have near units, the nearest last.
+    #[inline(always)]
+    fn children(&mut self, query: &Query, d: usize, node: Node) {
+        let tree = &self.index.tree;
+        let mut least = [0.0f32; CHILDREN];
+        if query.is_whole {
+            let (frame, boxes) = tree.mean_boxes(node);
+            least = frame.outside(boxes, &self.mean[..d]);
+            for least in &mut least {
+                *least *= query.terms;
+            }
+        }
+        // Segments tell more than the mean where that leaves over much, and D1 is one of them.
+        let left_over = least.iter().fold(0, |count, least| count + u32::from(*least <= self.limit));
+        if !query.is_whole || left_over > MANY || self.limit > query.first_limit {
+            let mut sums = [0.0f32; CHILDREN];
+            let mut most = query.first_limit;
+            for (segment, &(_, length)) in self.index.segments.iter().enumerate().take(query.segments) {
+                let (frame, boxes) = tree.segment_boxes(segment, node);
+                let distances =
+                    frame.outside::<CHILDREN>(boxes, &self.outline[segment * d..(segment + 1) * d]);
+                for c in 0..CHILDREN {
+                    sums[c] += if distances[c] > most { f32::INFINITY } else { length as f32 * distances[c] };
+                }
+                most = f32::INFINITY;
+            }
+            for c in 0..CHILDREN {
+                least[c] = if sums[c] > least[c] { sums[c] } else { least[c] };
+            }
+        }
+        let from = self.stack.len();
+        let (first, count) = tree.children(node);
+        for (c, least) in least.into_iter().enumerate().take(count) {
+            if least <= self.limit {
+                let node = Node { level: first.level, place: first.place + c as u32 };
+                let mut at = self.stack.len();
+                self.stack.push((least, node));
+                while at > from && self.stack[at - 1].0 < least {
+                    self.stack.swap(at - 1, at);
+                    at -= 1;
                 }
             }
-            for (sum, square) in sums.iter_mut().zip(&squares) {
-                *sum += length as f32 * square.sqrt();
-            }
-            if segment == 0 {
-                firsts = sums;
-            }
         }
-        let range = index.leaf_starts[leaf] as usize..index.leaf_starts[leaf + 1] as usize;
-        for ((row, sum), first) in index.order[range].iter().zip(sums).zip(firsts) {
-            if !self.is_beyond(query, sum) && !Self::is_too_far(query, first) {
-                self.weigh(query, *row);
+    }
+
+    /// Compares the units of a leaf that are near by their means, and then by their outlines.
+    #[inline(always)]
+    fn leaf(&mut self, query: &Query, d: usize, leaf: u32) {
+        let tree = &self.index.tree;
+        let (frame, means) = tree.means(leaf);
+        for (block, rows) in tree.leaf(leaf).chunks(LANES).enumerate() {
+            let part = block * d * LANES..(block + 1) * d * LANES;
+            if query.is_whole {
+                let mut least = frame.beside::<LANES>(&means[part.clone()], &self.mean[..d]);
+                for least in &mut least {
+                    *least *= query.terms;
+                }
+                if !any_within(&least, self.limit) {
+                    continue;
+                }
+            }
+            let mut sums = [0.0f32; LANES];
+            let mut most = query.first_limit;
+            for (segment, &(_, length)) in self.index.segments.iter().enumerate().take(query.segments) {
+                let (frame, bytes) = tree.segment(segment, leaf);
+                let wanted = &self.outline[segment * d..(segment + 1) * d];
+                let least = frame.beside::<LANES>(&bytes[part.clone()], wanted);
+                for i in 0..LANES {
+                    sums[i] += if least[i] > most { f32::INFINITY } else { length as f32 * least[i] };
+                }
+                most = f32::INFINITY;
+            }
+            if any_within(&sums, self.limit) {
+                for (row, sum) in rows.iter().zip(sums) {
+                    if sum <= self.limit {
+                        self.weigh(query, *row);
+                    }
+                }
             }
         }
     }
@@ -221,8 +261,40 @@ impl<'a> Search<'a> {
             self.nearest.pop();
         }
         self.nearest.insert(at, (sum, row));
+        if let Some((farthest, _)) = self.nearest.get(query.count - 1) {
+            self.limit = Query::limit(query.slack, *farthest);
+        }
         true
     }
+}
+
+/// What a search does, for vector units as wide as there are.
+struct Descent<'s, 'a, 'q> {
+    search: &'s mut Search<'a>,
+    query: &'s Query<'q>,
+}
+
+impl pulp::WithSimd for Descent<'_, '_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        // The number is known where most code is made of it.
+        match self.search.index.dimensions {
+            3 => self.search.descend(self.query, 3),
+            dimensions => self.search.descend(self.query, dimensions),
+        }
+    }
+}
+
+/// Whether any is no more than a limit, all at once.
+#[inline(always)]
+fn any_within(distances: &[f32; LANES], limit: f32) -> bool {
+    let mut any = false;
+    for distance in distances {
+        any |= *distance <= limit;
+    }
+    any
 }
 
 /// ‖f − w‖.

@@ -123,6 +123,42 @@ proptest! {
     }
 }
 
+/// In a tree of some levels: near, far and in between, and with more features than vector units are made for.
+#[test]
+fn deep_trees_equal_brute_force() {
+    for (seed, dimensions, units, width, d_max) in [
+        (21, 3, 9000, 20.0, 2.0),
+        (22, 3, 5000, 0.0, 2.0),
+        (23, 6, 5000, 20.0, 1.0),
+        (24, 13, 2500, 8.0, 3.0),
+    ] {
+        let source = wandering(seed, units, dimensions, width, 0.0);
+        let streams = [units / 3, 0, units - units / 3];
+        for (offset, scale) in [(0.0, 1.0), (0.7, 1.0), (0.0, 3.0), (-40.0, 1.0)] {
+            let mut target = rows(&wandering(seed + 100, 14, dimensions, width, 0.0));
+            target.iter_mut().flatten().for_each(|value| *value = scale * *value + offset);
+            let settings = SelectionSettings { d_max, cool_off: 4, ..SelectionSettings::default() };
+            let index = Index::new(&source, &streams, settings.look_ahead).unwrap();
+            let ours = greedy(&index, &target.concat(), &settings).unwrap();
+            assert_eq!(ours, brute_force(&source, &streams, &target, &settings), "{seed} {offset} {scale}");
+        }
+    }
+}
+
+/// Sound far from everything else makes steps of bytes large, and changes nothing.
+#[test]
+fn an_outlier_changes_nothing() {
+    let mut values = wandering(31, 3000, 3, 12.0, 0.0).values().to_vec();
+    values[3 * 1234..3 * 1240].fill(9.9e14);
+    let source = Features::new(3, values);
+    let target = rows(&wandering(32, 20, 3, 12.0, 0.0));
+    let settings = SelectionSettings { cool_off: 3, ..SelectionSettings::default() };
+    let index = Index::new(&source, &[3000], settings.look_ahead).unwrap();
+    let ours = greedy(&index, &target.concat(), &settings).unwrap();
+    assert_eq!(ours, brute_force(&source, &[3000], &target, &settings));
+    assert!(index.search().nearest(&target.concat(), 2.0, 0, &[], Some(3)).is_empty());
+}
+
 /// A target that is the recording is the recording.
 #[test]
 fn a_recording_is_made_of_itself() {
@@ -161,13 +197,16 @@ fn what_does_not_fit_is_an_error() {
     let source = wandering(8, 30, 3, 0.0, 0.0);
     assert!(Index::new(&source, &[29], 5).is_err());
     assert!(Index::new(&Features::new(3, Vec::new()), &[], 5).is_err());
-    assert!(Index::new(&Features::new(1, vec![f32::NAN]), &[1], 5).is_err());
+    for value in [f32::NAN, f32::INFINITY, -2e15] {
+        assert!(Index::new(&Features::new(1, vec![value]), &[1], 5).is_err());
+    }
     let index = Index::new(&source, &[30], 5).unwrap();
     let settings = SelectionSettings::default();
     assert!(Greedy::new(&index, &SelectionSettings { look_ahead: 4, ..settings.clone() }).is_err());
     assert!(Greedy::new(&index, &SelectionSettings { cool_off: 30, ..settings.clone() }).is_err());
     let mut greedy = Greedy::new(&index, &settings).unwrap();
     assert!(greedy.push(&[0.0; 2]).is_err() && greedy.push(&[0.0, f64::NAN, 0.0]).is_err());
+    assert!(greedy.push(&[0.0, 1e16, 0.0]).is_err());
 }
 
 /// Of much silence, the first units are taken, and as quickly as others.
@@ -183,4 +222,55 @@ fn silence_is_taken_in_order() {
     let settings = SelectionSettings { look_ahead: 4, cool_off: 9, ..SelectionSettings::default() };
     let ours = greedy(&index, &target.concat(), &settings).unwrap();
     assert_eq!(ours, brute_force(&source, &streams, &target, &settings));
+}
+
+/// Sound that comes block by block makes the choices of sound that is there at once, at the delay that is told.
+#[test]
+fn live_choices_are_those_of_the_whole() {
+    use crate::corpus::units::FeatureSettings;
+    use crate::corpus::units::features::Extractor;
+    use crate::corpus::units::high_pass::HighPass;
+    use crate::corpus::units::smoothing::Smoother;
+    let noise = |seed: u64, samples: u64| -> Vec<f32> {
+        let random = Random::new(seed, 0);
+        let swell = |i: u64| (1.5 * (i as f64 / 7000.0 + seed as f64).sin() - 2.0).exp();
+        (0..samples).map(|i| (swell(i) * random.normal(i)) as f32).collect()
+    };
+    let widths = [20.0, 50.0, 10.0];
+    let extractor = Extractor::new(&FeatureSettings::default(), 48_000).unwrap();
+    let whole = |mut sound: Vec<f32>| {
+        HighPass::new(100.0, 48_000).unwrap().process(&mut sound);
+        smooth(&extractor.features(&sound), &widths)
+    };
+    let source = whole(noise(1, 300_000));
+    let index = Index::new(&source, &[source.len()], 5).unwrap();
+    let target = noise(2, 60_000);
+    let settings = SelectionSettings::default();
+    let wanted = greedy(&index, &rows(&whole(target.clone())).concat(), &settings).unwrap();
+
+    let mut high_pass = HighPass::new(100.0, 48_000).unwrap();
+    let mut analysis = extractor.stream();
+    let mut smoother = Smoother::new(3, &widths);
+    let mut live = Greedy::new(&index, &settings).unwrap();
+    let mut chosen = Vec::new();
+    for (block, samples) in target.chunks(100).enumerate() {
+        let mut samples = samples.to_vec();
+        high_pass.process(&mut samples);
+        for row in analysis.push(&samples).rows() {
+            if let Some(row) = smoother.push(row).unwrap() {
+                chosen.extend(live.push(&row).unwrap());
+            }
+        }
+        let whole_units = (100 * (block + 1)).min(target.len()) / extractor.unit_samples();
+        assert_eq!(chosen.len(), whole_units.saturating_sub(smoother.delay() + settings.look_ahead));
+    }
+    let mut rest: Vec<Vec<f64>> = Vec::new();
+    for row in analysis.finish().rows() {
+        rest.extend(smoother.push(row).unwrap());
+    }
+    for row in rest.into_iter().chain(smoother.finish()) {
+        chosen.extend(live.push(&row).unwrap());
+    }
+    chosen.extend(live.finish());
+    assert_eq!(chosen, wanted);
 }
