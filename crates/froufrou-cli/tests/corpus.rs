@@ -95,12 +95,27 @@ fn paper_is_told_of_drawn_and_played() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
     let info = told(&["corpus", "info", "synthetic/printer", "--plot", &at("matrix.png")]);
-    assert_eq!((&info["is_synthetic"], &info["clips"], &info["spectra"]), (&true.into(), &252.into(), &84.into()));
+    assert_eq!(
+        (&info["is_synthetic"], &info["clips"], &info["spectra"]),
+        (&true.into(), &252.into(), &84.into())
+    );
     assert_eq!(info["places"].as_array().map(Vec::len), Some(82));
     let text = froufrou(["corpus", "info", "synthetic/banknote"]);
     let text = String::from_utf8_lossy(&text.stdout).into_owned();
-    assert!(text.contains("12.5 cm") && text.contains("3+1") && text.contains("9 clips, 3 spectra"), "{text}");
-    good(&froufrou(["plot", "synthetic/tracing", "-o", &at("tracing.png"), "--width", "640", "--height", "480"]));
+    assert!(
+        text.contains("12.5 cm") && text.contains("3+1") && text.contains("9 clips, 3 spectra"),
+        "{text}"
+    );
+    good(&froufrou([
+        "plot",
+        "synthetic/tracing",
+        "-o",
+        &at("tracing.png"),
+        "--width",
+        "640",
+        "--height",
+        "480",
+    ]));
     for picture in ["matrix.png", "tracing.png"] {
         let picture = std::fs::read(at(picture)).expect("a picture");
         assert!(picture.starts_with(b"\x89PNG") && picture.len() > 10_000);
@@ -134,10 +149,14 @@ fn a_recording_of_crumpling_is_harvested_corrected_and_built() {
     let error = message(&froufrou(["corpus", "harvest", &recording, "-o", &corpus]));
     assert!(error.contains("there is a corpus already"), "{error}");
     std::fs::copy(&recording, at("kraft/table.wav")).expect("a copy");
-    let friction = "[[paper.friction]]\nrecording = \"table.wav\"\nspeed_mps = 0.3\nruling_m = 0.1\nborder_m = 0.2\n";
+    let friction =
+        "[[paper.friction]]\nrecording = \"table.wav\"\nspeed_mps = 0.3\nruling_m = 0.1\nborder_m = 0.2\n";
     std::fs::write(at("kraft/corpus.toml"), manifest + friction).expect("a file");
     let built = told(&["corpus", "build", &corpus]);
-    assert_eq!((&built["computed"], &built["clips"], &built["spectra"]), (&true.into(), &4.into(), &1.into()));
+    assert_eq!(
+        (&built["computed"], &built["clips"], &built["spectra"]),
+        (&true.into(), &4.into(), &1.into())
+    );
     assert_eq!(told(&["corpus", "build", &corpus])["computed"], false);
     assert_eq!(told(&["info", &corpus])["kind"], "paper");
     let text = froufrou(["corpus", "info", &corpus]);
@@ -147,7 +166,10 @@ fn a_recording_of_crumpling_is_harvested_corrected_and_built() {
     std::fs::write(at("a.score"), score).expect("a file");
     good(&froufrou(["mix", &at("a.score"), "-o", &at("a.wav")]));
     for (arguments, what) in [
-        (vec!["corpus", "harvest", &recording, "-o", &corpus, "--like", "silk"], "there are synthetic/printer"),
+        (
+            vec!["corpus", "harvest", &recording, "-o", &corpus, "--like", "silk"],
+            "there are synthetic/printer",
+        ),
         (vec!["corpus", "harvest", &at("gone.wav"), "-o", &at("new")], "gone.wav"),
         (vec!["corpus", "harvest", &recording, "-o", &at("new"), "--channel", "4"], "there is no channel 4"),
     ] {

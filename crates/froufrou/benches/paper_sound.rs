@@ -134,7 +134,7 @@ fn harvesting(bencher: Bencher) {
     for begin in [5_000, 22_000] {
         recording[begin..].iter_mut().zip(&flap).for_each(|(sum, sample)| *sum += sample);
     }
-    bencher
-        .counter(ItemsCount::new(recording.len()))
-        .bench_local(|| black_box(harvest(&recording, 44_100, &Model::printer(), None).expect("pieces").len()));
+    bencher.counter(ItemsCount::new(recording.len())).bench_local(|| {
+        black_box(harvest(&recording, 44_100, &Model::printer(), None).expect("pieces").len())
+    });
 }

@@ -364,7 +364,11 @@ fn what_a_score_says_wrongly_of_an_instrument_is_told() {
         ("paper \"none\"", "start 1 0 s 1 0\nend 1 1\n", "corpus.toml"),
         ("paper \"synthetic/silk\"", "start 1 0 s 1 0\nend 1 1\n", "no synthetic paper `silk`"),
         ("paper \"synthetic/printer\"", "start 1 0 s 1 0\ngrain 1 0 252\nend 1 1\n", "no grain 252"),
-        ("paper \"synthetic/printer\"", "start 1 0 s 1 0\nset 1 0 friction-84 1\nend 1 1\n", "no control `friction-84`"),
+        (
+            "paper \"synthetic/printer\"",
+            "start 1 0 s 1 0\nset 1 0 friction-84 1\nend 1 1\n",
+            "no control `friction-84`",
+        ),
         ("paper \"synthetic/printer\" with slips 2", "start 1 0 s 1 0\nend 1 1\n", "slip-spacing, tearing"),
         ("procedure \"none.rhai\"", "start 1 0 s 1 0\nend 1 1\n", "none.rhai"),
     ] {
@@ -423,7 +427,9 @@ fn ranges_and_threads_of_paper_are_the_same_bytes() {
             let at = |s: f64| (s * f64::from(rate_hz)) as usize * whole.mix.len() / whole.frames();
             whole.mix[at(from_s)..at(to_s)].iter().fold(0.0f32, |a, b| a.max(b.abs()))
         };
-        assert!(part(0.1, 0.5) > 1e-3 && part(0.9, 1.2) > 0.01 && part(1.5, 1.53) > 0.01 && part(1.7, 2.0) > 1e-3);
+        assert!(
+            part(0.1, 0.5) > 1e-3 && part(0.9, 1.2) > 0.01 && part(1.5, 1.53) > 0.01 && part(1.7, 2.0) > 1e-3
+        );
         assert_eq!(part(2.2, 2.5), 0.0);
         let again = studio.score(paper_score(), Take { cores: 5, ..Take::at(rate_hz) }).unwrap();
         assert_eq!(bits(&again), wanted);

@@ -91,8 +91,8 @@ impl Harvest {
             })?,
         };
         let rate_hz = recording.rate_hz;
-        let pieces = harvest(&samples, rate_hz, &like, self.threshold)
-            .map_err(|e| e.in_file(&self.recording))?;
+        let pieces =
+            harvest(&samples, rate_hz, &like, self.threshold).map_err(|e| e.in_file(&self.recording))?;
         if pieces.is_empty() {
             return Err(Error::new("no clip stands out of the recording")
                 .in_file(&self.recording)
@@ -136,7 +136,8 @@ impl Harvest {
 
     /// How the corpus.toml begins.
     fn head(&self, like: &Paper) -> String {
-        let of = self.recording.file_name().unwrap_or_default().to_string_lossy().replace(char::is_control, " ");
+        let of =
+            self.recording.file_name().unwrap_or_default().to_string_lossy().replace(char::is_control, " ");
         let like = like.name().trim_start_matches(PREFIX).to_owned();
         format!(
             "# Harvested from {of}. Sizes are guesses by the model \"{like}\": listen, and correct them.\n\

@@ -33,8 +33,7 @@ pub use self::soundtrack::Soundtrack;
 use crate::file_kind::FileKind;
 
 /// What can be drawn.
-const READABLE: &str =
-    "audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), events (.jsonl), scores, and corpora of cloth and paper (folders)";
+const READABLE: &str = "audio (WAV, RF64, AIFF, FLAC, Ogg Vorbis, MP3), events (.jsonl), scores, and corpora of cloth and paper (folders)";
 
 /// Draws a picture of a sound, of events, of a score or of a corpus.
 ///

@@ -121,7 +121,12 @@ impl<'a> Files<'a> {
     }
 
     /// What is heard of a recording: one channel, or the average of all but one.
-    pub fn heard(&mut self, name: &str, channel: Option<usize>, but: Option<usize>) -> Result<(Vec<f32>, u32)> {
+    pub fn heard(
+        &mut self,
+        name: &str,
+        channel: Option<usize>,
+        but: Option<usize>,
+    ) -> Result<(Vec<f32>, u32)> {
         let path = self.corpus.join(name);
         let recording = self.decoded(name)?;
         let heard = match (channel, but) {

@@ -116,7 +116,9 @@ impl Entry {
             ));
         }
         if !self.constrained && (!is_said || (!is_nothing && (ruling_m == 0.0 || border_m == 0.0))) {
-            return Err(Error::new("expected ruling_m and border_m, both above 0 or both 0, or constrained = true"));
+            return Err(Error::new(
+                "expected ruling_m and border_m, both above 0 or both 0, or constrained = true",
+            ));
         }
         let from_s = self.from_s.unwrap_or(0.0);
         let to_s = self.to_s.unwrap_or(f64::INFINITY);

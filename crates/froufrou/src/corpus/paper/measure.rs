@@ -78,8 +78,9 @@ pub fn density(samples: &[f32], rate_hz: f64, speed_mps: f64) -> Result<Vec<f64>
     }
     let forward = RealFftPlanner::<f64>::new().plan_fft_forward(length);
     let (mut input, mut output) = (forward.make_input_vec(), forward.make_output_vec());
-    let window: Vec<f64> =
-        (0..length).map(|n| (std::f64::consts::PI * (n as f64 + 0.5) / length as f64).sin().powi(2)).collect();
+    let window: Vec<f64> = (0..length)
+        .map(|n| (std::f64::consts::PI * (n as f64 + 0.5) / length as f64).sin().powi(2))
+        .collect();
     let squares: f64 = window.iter().map(|w| w * w).sum();
     let mut mean = vec![0.0f64; length / 2 + 2];
     let mut frames = 0.0;

@@ -146,8 +146,13 @@ impl PaperSound {
         let sizes = LENGTHS_M.iter().flat_map(|&ruling_m| LENGTHS_M.map(|border_m| (ruling_m, border_m)));
         let sizes: Vec<(f64, f64)> = sizes.collect();
         let (mut clips, mut numbers) = (Vec::new(), Vec::new());
-        let entry = |(ruling_m, border_m), length_s, lead_s| {
-            ClipEntry { ruling_m, border_m, from: name.clone(), begin_s: 0.0, length_s, lead_s }
+        let entry = |(ruling_m, border_m), length_s, lead_s| ClipEntry {
+            ruling_m,
+            border_m,
+            from: name.clone(),
+            begin_s: 0.0,
+            length_s,
+            lead_s,
         };
         for number in 0..CLACS as u64 {
             clips.push(entry((0.0, 0.0), CLAC_S, CLAC_LEAD_S));

@@ -24,7 +24,9 @@ pub fn quadratic_chi(p: &[f64], q: &[f64], reach: usize, m: f64) -> Result<f64> 
         return Err(Error::new(format!("a bin of a histogram is {bad}, expected 0 or more")));
     }
     if reach == 0 || !(0.0..1.0).contains(&m) {
-        return Err(Error::new(format!("the reach is {reach} bins and m is {m}, expected 1 or more and 0 to 1")));
+        return Err(Error::new(format!(
+            "the reach is {reach} bins and m is {m}, expected 1 or more and 0 to 1"
+        )));
     }
     let count = p.len();
     let near = |i: usize| i.saturating_sub(reach - 1)..(i + reach).min(count);
@@ -36,9 +38,8 @@ pub fn quadratic_chi(p: &[f64], q: &[f64], reach: usize, m: f64) -> Result<f64> 
             if whole > 0.0 { (p[i] - q[i]) / whole.powf(m) } else { 0.0 }
         })
         .collect();
-    let sum: f64 = (0..count)
-        .map(|i| scaled[i] * near(i).map(|j| scaled[j] * alike(i, j)).sum::<f64>())
-        .sum();
+    let sum: f64 =
+        (0..count).map(|i| scaled[i] * near(i).map(|j| scaled[j] * alike(i, j)).sum::<f64>()).sum();
     // Not below 0 but for rounding, as A is positive semidefinite.
     Ok(sum.max(0.0).sqrt())
 }

@@ -185,9 +185,7 @@ impl Paper {
         let level = self.level * (shape.disk_m() / REFERENCE_DISK_M).sqrt();
         let mixed = answer.iter().zip(&contact);
         mixed
-            .map(|(answer, contact)| {
-                level * (answer * (1.0 - self.contact) + contact * self.contact).sqrt()
-            })
+            .map(|(answer, contact)| level * (answer * (1.0 - self.contact) + contact * self.contact).sqrt())
             .collect()
     }
 

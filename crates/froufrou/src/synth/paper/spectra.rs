@@ -42,7 +42,8 @@ impl RateSpectra {
             };
             let mut whole = 0.0;
             for bin in 1..=bins {
-                let power = power_below((bin as f64 + 0.5) * bin_hz) - power_below((bin as f64 - 0.5) * bin_hz);
+                let power =
+                    power_below((bin as f64 + 0.5) * bin_hz) - power_below((bin as f64 - 0.5) * bin_hz);
                 whole += power;
                 // A cosine of amplitude a has the power a² / 2.
                 amplitudes.push((2.0 * power).sqrt() as f32);

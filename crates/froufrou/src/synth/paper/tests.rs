@@ -167,7 +167,8 @@ fn clips_begin_on_their_sample_and_play_to_their_end() {
         for number in [0u32, 4, 9, 100, 251] {
             let wanted = sound().clip_samples(number as usize, rate_hz as u32).unwrap();
             let clips = [(0.1, number)];
-            let heard = play(&plain, &Play { rate_hz, seconds: 1.1, seed: 1, set: &|_| vec![], clips: &clips });
+            let heard =
+                play(&plain, &Play { rate_hz, seconds: 1.1, seed: 1, set: &|_| vec![], clips: &clips });
             assert!(heard[..begin].iter().all(|v| *v == 0.0));
             assert_eq!(&heard[begin..begin + wanted.len()], &wanted[..]);
             assert!(heard[begin + wanted.len()..].iter().all(|v| *v == 0.0));
@@ -245,11 +246,7 @@ fn all_that_sounds_adds_and_rest_is_silent() {
     };
     let tear = plain.controls().len() - 1;
     let all = one(&|_| vec![(40, 0.3), (tear, 0.1)], &clips);
-    let parts = [
-        one(&|_| vec![(40, 0.3)], &[]),
-        one(&|_| vec![(tear, 0.1)], &[]),
-        one(&|_| vec![], &clips),
-    ];
+    let parts = [one(&|_| vec![(40, 0.3)], &[]), one(&|_| vec![(tear, 0.1)], &[]), one(&|_| vec![], &clips)];
     for (n, all) in all.iter().enumerate() {
         assert!((all - parts.iter().map(|part| part[n]).sum::<f32>()).abs() < 1e-5);
     }

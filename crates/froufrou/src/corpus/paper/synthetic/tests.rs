@@ -33,8 +33,7 @@ fn sizes_move_spectra_more_than_compression_and_outline_do() {
             sizes.push(apart(&paper, &rectangle(10.0, from), &rectangle(10.0, to)));
         }
         let compressed = |compression| Shape { compression, ..base };
-        let trapezoids =
-            [base, Shape { border_taper: 0.6, ..base }, Shape { ruling_taper: 0.6, ..base }];
+        let trapezoids = [base, Shape { border_taper: 0.6, ..base }, Shape { ruling_taper: 0.6, ..base }];
         let mut others = Vec::new();
         for (a, b) in [(0.2, 0.4), (0.4, 0.8), (0.2, 0.8)] {
             others.push(apart(&paper, &compressed(a), &compressed(b)));
