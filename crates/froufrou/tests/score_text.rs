@@ -889,6 +889,44 @@ fn synthesised_sounds_paths_and_ambiences_read_and_write() {
     assert_eq!(cue.action, Action::Set(vec![("pitch".into(), 650.0), ("a name".into(), -1.0)]));
 }
 
+/// A score of paper, in canonical form.
+const PAPER: &str = r#"froufrou-score 1 channel
+order time
+speed-of-sound 343
+duration 3
+seed 0
+channels m
+sound kraft paper "corpora/kraft"
+sound sheet paper "synthetic/printer" with coherence 0 slip 2
+sound "paper" "paper.wav"
+start 1 0 sheet 1 0
+set 1 0 friction-12 0.3 tear 0.1
+grain 1 0.5 17 gain 0.8
+start 2 1 "paper" 1 0
+end 1 2 1 0
+"#;
+
+#[test]
+fn paper_reads_and_writes() {
+    let text = canonical(PAPER);
+    // A sound may be called so too.
+    assert_eq!(text, PAPER.replace("\"paper\" ", "paper ").replace("2 1 \"paper\"", "2 1 paper"));
+    let AnySpace::Channel(score) = AnyDocument::read(PAPER.as_bytes()).unwrap() else { panic!() };
+    let files: Vec<Option<&str>> = score.header.sounds.iter().map(|sound| sound.make.file()).collect();
+    // A model is no file that has to be found.
+    assert_eq!(files, [Some("corpora/kraft"), None, Some("paper.wav")]);
+    assert!(score.header.sounds.iter().take(2).all(|sound| sound.make.kind() == "paper"));
+    for (from, to, expected) in [
+        ("paper \"corpora/kraft\"", "paper", "expected the folder of the database, or a model"),
+        ("paper \"corpora/kraft\"", "paper \"\"", "the sound kraft has no corpus"),
+        ("slip 2", "slip", "expected the value"),
+    ] {
+        let wrong = PAPER.replacen(from, to, 1);
+        let error = AnyDocument::read(wrong.as_bytes()).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
 #[test]
 fn faults_of_synthesised_sounds_and_paths_name_their_word() {
     let object = SYNTHESISED[0];

@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use froufrou::Result;
 use froufrou::corpus::cloth::spectra::{centroid_hz, power};
 use froufrou::corpus::paper::manifest::Manifest;
 use froufrou::corpus::paper::synthetic::{PREFIX, Paper};

@@ -2,8 +2,10 @@
 //!
 //! 1. The energy over 20 ms ([`pops`]) is held against what half of the recording is quieter than: a piece begins where it
 //!    rises 10 dB above that, and lasts until it is within 3 dB of it, or until the next piece begins.
-//! 2. A piece of whose energy the middle 90 % last less than [`CLAC_S`] is a *clac*, which is constrained; any other is a *flap*.
-//! 3. The size of a flap is that of the model's flaps that sound most like it, by the quadratic-chi distance of their spectra
+//! 2. A piece that follows a flap at once, with less than a sixth of its energy, is what still buckles of that, and joins it; the
+//!    later it follows, the less energy it may have.
+//! 3. A piece of whose energy the middle 90 % last less than [`CLAC_S`] is a *clac*, which is constrained; any other is a *flap*.
+//! 4. The size of a flap is that of the model's flaps that sound most like it, by the quadratic-chi distance of their spectra
 //!    ([`quadratic_chi`](super::quadratic_chi)), as far up as the recording reaches. It is a guess: pieces of unlike
 //!    proportions may sound alike.
 
@@ -22,13 +24,17 @@ use crate::corpus::units::high_pass::HighPass;
 use crate::error::{Error, Place, Result};
 
 /// Clips in which the middle 90 % of the energy last less than this are clacs.
-pub const CLAC_S: f64 = 0.008;
+pub const CLAC_S: f64 = 0.012;
 
 /// A piece ends where its energy falls to so many times what half of the recording is quieter than: 3 dB.
 const ENDS: f64 = 2.0;
 
 /// How far the threshold of an automatic harvest lies above what half of the recording is quieter than: 10 dB.
 const ABOVE: f64 = 10.0;
+
+/// What follows a flap at once belongs to it where it has no more than such a part of its energy; what follows later by this, 1/e of that.
+const FOLLOWS: f64 = 1.0 / 6.0;
+const FOLLOWS_S: f64 = 0.025;
 
 /// Pieces shorter than this are no sounds of paper.
 const SHORTEST_S: f64 = 0.003;
@@ -78,12 +84,12 @@ pub fn harvest(samples: &[f32], rate_hz: u32, like: &Paper, threshold: Option<f6
     let mut sound = samples.to_vec();
     HighPass::new(HIGH_PASS_HZ, rate_hz)?.process(&mut sound);
     let whole_hz = f64::from(rate_hz);
-    let runs = runs(&sound, whole_hz, threshold);
+    let runs = joined(runs(&sound, whole_hz, threshold), &sound, whole_hz);
     let sizes = Sizes::new(like, whole_hz);
     runs.into_par_iter()
         .map(|range| {
             let inside = &sound[range.clone()];
-            let energy = inside.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / whole_hz;
+            let energy = squares(inside) / whole_hz;
             let (ruling_m, border_m, distance) = if lasts_s(inside, whole_hz) < CLAC_S {
                 (0.0, 0.0, 0.0)
             } else {
@@ -133,6 +139,35 @@ fn runs(sound: &[f32], rate_hz: f64, threshold: Option<f64>) -> Vec<Range<usize>
         from = last.max(begin + 1);
     }
     runs
+}
+
+fn squares(samples: &[f32]) -> f64 {
+    samples.iter().map(|v| f64::from(*v).powi(2)).sum()
+}
+
+/// Puts what still buckles of a flap to it.
+fn joined(runs: Vec<Range<usize>>, sound: &[f32], rate_hz: f64) -> Vec<Range<usize>> {
+    let mut joined: Vec<Range<usize>> = Vec::new();
+    // The energy of the last one before others joined it.
+    let mut main = 0.0;
+    for run in runs {
+        let own = squares(&sound[run.clone()]);
+        match joined.last_mut() {
+            Some(last)
+                if own
+                    < FOLLOWS * main * (-((run.start - last.end) as f64) / (FOLLOWS_S * rate_hz)).exp()
+                    && ((run.end - last.start) as f64) < LONGEST_S * rate_hz
+                    && lasts_s(&sound[last.clone()], rate_hz) >= CLAC_S =>
+            {
+                last.end = run.end;
+            }
+            _ => {
+                main = own;
+                joined.push(run);
+            }
+        }
+    }
+    joined
 }
 
 /// Where within a run the energy rises 10 dB above what it had fallen to.

@@ -4,7 +4,7 @@
 //! **Friction.** Rough surfaces drive the paper by a noise that falls above a corner. What is free to vibrate answers by its
 //! modes; beside it the contact itself is heard, whatever the shape. What is constrained has the contact alone: nearly white, and quieter.
 //!
-//! **Flaps.** A curved piece snaps through and rings its modes, from some small buckles shortly before to others that follow
+//! **Flaps.** A curved piece snaps through, dents a little and rings its modes, from some small buckles shortly before to others that follow
 //! more and more rarely. **Clacs** are the same of dents that are held all around: a few strongly damped modes, for a few milliseconds.
 //!
 //! **Tears** are fibres that break, one after the other.
@@ -42,6 +42,9 @@ pub const CLAC_LEAD_S: f64 = 0.0005;
 /// How long a clac and the click of a fibre are.
 pub const CLAC_S: f64 = 0.012;
 const FIBRE_S: f64 = 0.003;
+
+/// The energy that dents have in a flap, as a part of that of its modes.
+const DENTS: f64 = 0.1;
 
 /// The disk whose levels are said below: a square of some 14 cm.
 const REFERENCE_DISK_M: f64 = 0.08;
@@ -210,6 +213,15 @@ impl Paper {
         for (index, ring) in (0u64..).zip(rings.iter_mut()) {
             ring.frequency_hz *= 0.97 + 0.06 * random.uniform(index);
         }
+        // Each blow also dents the paper where it falls, whatever the size of the whole.
+        let mut dents = self.dents(random, 1 << 12);
+        let held = |rings: &[Ring]| {
+            let heard = rings.iter().filter(|ring| (BAND_HZ[0]..BAND_HZ[1]).contains(&ring.frequency_hz));
+            heard.map(|ring| ring.amplitude * ring.amplitude / ring.decay_per_s).sum::<f64>()
+        };
+        let gain = (DENTS * held(&rings) / held(&dents)).sqrt();
+        dents.iter_mut().for_each(|ring| ring.amplitude *= gain);
+        rings.extend(dents);
         let uniform = |index: u64| random.uniform((1 << 10) + index);
         let mut blows = vec![Blow { time_s: FLAP_LEAD_S, amplitude: 1.0 }];
         for k in 0..4 {
@@ -228,13 +240,13 @@ impl Paper {
         ringing(&rings, &blows, random, length_s, rate_hz, energy)
     }
 
-    /// A clac, at a rate.
-    pub fn clac(&self, number: u64, rate_hz: f64) -> Vec<f32> {
-        let random = self.random(number.wrapping_add(1 << 21));
+    /// The modes of a dent that is held all around. `index` is the first of 32 addresses of what is random in it.
+    fn dents(&self, random: Random, index: u64) -> Vec<Ring> {
         let stiffness = (self.sheet.young_pa / 4e9).powf(0.35) * (0.04 / self.sheet.loss).powf(0.2);
-        let lowest_hz = stiffness * 1_500.0 * 3.0f64.powf(random.uniform(0));
+        let lowest_hz = stiffness * 1_500.0 * 3.0f64.powf(random.uniform(index));
         let ring = |k: u64| {
-            let frequency_hz = lowest_hz * (1.0 + 0.62 * k as f64) * (0.9 + 0.2 * random.uniform(10 + k));
+            let frequency_hz =
+                lowest_hz * (1.0 + 0.62 * k as f64) * (0.9 + 0.2 * random.uniform(index + 10 + k));
             // Held on all sides, so that it loses energy to what is about it.
             Ring {
                 frequency_hz,
@@ -242,7 +254,13 @@ impl Paper {
                 amplitude: 1.0 / (1.0 + 0.4 * k as f64),
             }
         };
-        let rings: Vec<Ring> = (0..8).map(ring).collect();
+        (0..8).map(ring).collect()
+    }
+
+    /// A clac, at a rate.
+    pub fn clac(&self, number: u64, rate_hz: f64) -> Vec<f32> {
+        let random = self.random(number.wrapping_add(1 << 21));
+        let rings = self.dents(random, 0);
         let mut blows = vec![Blow { time_s: CLAC_LEAD_S, amplitude: 1.0 }];
         for k in 0..2 + random.below(1, 3) as u64 {
             let time_s = CLAC_LEAD_S + 0.0025 * random.uniform(30 + k);

@@ -50,16 +50,17 @@ fn known_pieces_are_found_and_told_apart() {
                 flaps += 1;
             }
         }
+        let octaves: f64 = octaves / f64::from(flaps);
         println!(
-            "{}: {} found, {right} right, {class} class, {:.2} octaves off",
+            "{}: {} found, {right} right, {class} class, {octaves:.2} octaves",
             paper.name(),
-            found.len(),
-            octaves / f64::from(flaps)
+            found.len()
         );
         assert!(right >= 38 && class >= 37, "{right} {class} of 40");
-        assert!(found.len() <= 44, "{}", found.len());
+        // Beside them a few faint buckles of flaps are taken for pieces of their own.
+        assert!(found.len() <= 48, "{}", found.len());
         // The size of a flap, as the root of its area, is guessed to within half an octave or so.
-        assert!(octaves / f64::from(flaps) < 0.5, "{}", octaves / f64::from(flaps));
+        assert!(octaves < 0.5, "{octaves}");
     }
 }
 
@@ -69,23 +70,30 @@ fn a_recording_gives_plausible_pieces() {
         || std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
         std::path::PathBuf::from,
     );
-    let path = data.join("audio/sonniss_gdc_bundle3/Packaging_And_Wrappers_Wr_021.ogg");
-    if !path.exists() {
-        println!("skipped: {} is not there", path.display());
-        return;
+    // A wrapper that is crumpled, and pages that are turned: many short ones, and few long ones.
+    for (name, counts, are_clacs) in [
+        ("Packaging_And_Wrappers_Wr_021", 20..200, true),
+        ("Paper_Sound_Effects_Paper_Handling_And_Turning_Sequence", 4..40, false),
+    ] {
+        let path = data.join(format!("audio/sonniss_gdc_bundle3/{name}.ogg"));
+        if !path.exists() {
+            println!("skipped: {} is not there", path.display());
+            continue;
+        }
+        let recording = crate::corpus::recording::Recording::open(&path).unwrap();
+        let found = harvest(&recording.mono(), recording.rate_hz, &Paper::printer(), None).unwrap();
+        let clacs = found.iter().filter(|piece| piece.is_clac()).count();
+        println!("{name}: {clacs} clacs, {} flaps in {:.1} s", found.len() - clacs, recording.duration_s());
+        assert!(counts.contains(&found.len()), "{}", found.len());
+        assert_eq!(6 * clacs > found.len(), are_clacs, "{clacs} of {}", found.len());
     }
-    let recording = crate::corpus::recording::Recording::open(&path).unwrap();
-    let found = harvest(&recording.mono(), recording.rate_hz, &Paper::printer(), None).unwrap();
-    let clacs = found.iter().filter(|piece| piece.is_clac()).count();
-    println!("{} clacs, {} flaps in {:.1} s", clacs, found.len() - clacs, recording.duration_s());
-    assert!((5..1000).contains(&found.len()));
 }
 
 #[test]
 fn silence_has_no_pieces_and_bad_settings_are_told() {
     let paper = Paper::printer();
     assert!(harvest(&[0.0; 9000], RATE_HZ, &paper, None).unwrap().is_empty());
-    assert!(harvest(&[], RATE_HZ, &paper, None).unwrap().is_empty());
+    assert!(harvest(&[], RATE_HZ, &paper, None).is_err());
     assert!(harvest(&[0.5; 100], RATE_HZ, &paper, Some(0.0)).is_err());
     assert!(harvest(&[0.5; 100], 10, &paper, None).is_err());
     // A short and a slow recording.
