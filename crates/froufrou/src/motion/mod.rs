@@ -9,6 +9,7 @@ pub mod lives;
 mod momentum;
 pub mod moving;
 pub mod moving_cloth;
+pub mod paper;
 pub mod rigid;
 pub mod rub;
 pub mod slide;

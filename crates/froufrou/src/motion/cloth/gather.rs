@@ -12,6 +12,24 @@ const STEP: f64 = std::f64::consts::SQRT_2;
 /// Speeds are gathered from this on, in metres a second: what is slower is so slow.
 const SLOWEST_MPS: f64 = 1e-3;
 
+/// How much slides how fast, by step of speed: the area, and the speed weighted by it.
+#[derive(Debug, Clone, Default)]
+pub(in crate::motion) struct Speeds(BTreeMap<i32, [f64; 2]>);
+
+impl Speeds {
+    pub fn add(&mut self, speed_mps: f64, area_m2: f64) {
+        let step = (speed_mps.max(SLOWEST_MPS).ln() / STEP.ln()).floor() as i32;
+        let [area, speed] = self.0.entry(step).or_default();
+        *area += area_m2;
+        *speed += area_m2 * speed_mps;
+    }
+
+    /// The mean speed of each step in metres a second, and its area in square metres, from slow to fast.
+    pub fn steps(&self) -> Vec<[f64; 2]> {
+        self.0.values().map(|[area, speed]| [speed / area, *area]).collect()
+    }
+}
+
 #[derive(Debug, Clone, Default)]
 struct Sum {
     area_m2: f64,
@@ -19,8 +37,7 @@ struct Sum {
     speed: f64,
     /// Weighted by area and speed.
     position: [f64; 3],
-    /// By step of speed: the area, and the speed weighted by it.
-    steps: BTreeMap<i32, [f64; 2]>,
+    speeds: Speeds,
 }
 
 /// An event for each object that something slides along, and each patch that does.
@@ -39,10 +56,7 @@ pub(super) fn events(sliding: &Sliding, patches: &Patches, name: impl Fn(u32) ->
         for (sum, c) in sum.position.iter_mut().zip(sliding.position_m[index]) {
             *sum += area * speed * f64::from(c);
         }
-        let step = (speed.max(SLOWEST_MPS).ln() / STEP.ln()).floor() as i32;
-        let [step_area, step_speed] = sum.steps.entry(step).or_default();
-        *step_area += area;
-        *step_speed += area * speed;
+        sum.speeds.add(speed, area);
     }
     let event = |((other, patch), sum): ((u32, u32), Sum)| Friction {
         time_s: sliding.time_s,
@@ -54,7 +68,7 @@ pub(super) fn events(sliding: &Sliding, patches: &Patches, name: impl Fn(u32) ->
         area_m2: sum.area_m2,
         speed_mps: sum.speed / sum.area_m2,
         force_n: sliding.pressure_pa.map(|pressure_pa| pressure_pa * sum.area_m2),
-        speeds: sum.steps.values().map(|[area, speed]| [speed / area, *area]).collect(),
+        speeds: sum.speeds.steps(),
         resonators: Vec::new(),
         cause: Cause::Motion(Moved { from_s: sliding.time_s, to_s: sliding.time_s + sliding.lasts_s }),
     };

@@ -15,12 +15,13 @@
 
 pub mod buckles;
 pub mod curvature;
-mod gather;
+pub(super) mod gather;
 mod geodesic;
+pub(super) mod meshes;
 mod patches;
 pub mod proximity;
 #[cfg(test)]
-mod shapes;
+pub(super) mod shapes;
 pub mod sliding;
 pub mod tension;
 mod tree;
@@ -30,20 +31,17 @@ pub mod triangulation;
 use std::collections::VecDeque;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use self::buckles::{BuckleSettings, Buckled, Buckles};
 use self::curvature::Curvature;
+use self::meshes::Meshes;
 use self::patches::Patches;
 use self::proximity::{Proximity, Touchable};
 use self::sliding::{Slides, Sliding, SlidingSettings};
 use self::tension::{Beat, Tension, TensionSettings};
 use super::event::{Buckle, Cause, Event, Flap, Moved};
+use crate::Result;
 use crate::scene::animation::Mesh;
-use crate::{Error, Place, Result};
-
-/// A welded seam that opens by this part of an edge is one no more.
-const TORN: f64 = 0.01;
 
 /// How a cloth is looked at.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -126,12 +124,8 @@ pub struct Restart {
 #[derive(Debug, Clone)]
 pub struct Analyser {
     participants: Vec<Participant>,
-    /// Empty before the first frame.
-    objects: Vec<Touchable>,
-    /// The faces as they were given, to know when they change.
-    faces: Vec<Faces>,
+    meshes: Meshes,
     cloths: Vec<Cloth>,
-    last_s: Option<f64>,
     step_s: f64,
     events: Vec<Event>,
     ready: VecDeque<Event>,
@@ -139,13 +133,6 @@ pub struct Analyser {
     restarts: VecDeque<Restart>,
     /// What presses in the frame to come: the object, and the area that would press as hard as each of its vertices.
     pressing_m2: Vec<(u32, Vec<f64>)>,
-}
-
-#[derive(Debug, Clone, Default)]
-struct Faces {
-    vertices: Vec<u32>,
-    sizes: Vec<u32>,
-    torn_m: f64,
 }
 
 /// One of the cloths.
@@ -209,12 +196,11 @@ impl Cloth {
 impl Analyser {
     /// Begins with nothing known of some objects.
     pub fn new(participants: Vec<Participant>) -> Self {
+        let names = participants.iter().map(|participant| participant.name.clone()).collect();
         Self {
             participants,
-            objects: Vec::new(),
-            faces: Vec::new(),
+            meshes: Meshes::new(names),
             cloths: Vec::new(),
-            last_s: None,
             step_s: 0.0,
             events: Vec::new(),
             ready: VecDeque::new(),
@@ -259,14 +245,34 @@ impl Analyser {
     /// position that is no number; faces that are none. What was found before is still there then.
     pub fn feed(&mut self, time_s: f64, meshes: &[Mesh]) -> Result<()> {
         let pressing_m2 = std::mem::take(&mut self.pressing_m2);
+        let changes = self.meshes.look(time_s, meshes)?;
         self.check(time_s, meshes, &pressing_m2)?;
-        if self.objects.is_empty() {
-            self.begin(meshes)?;
-        } else {
-            self.follow(time_s, meshes)?;
+        let restarts = self.meshes.restarts(time_s, &changes);
+        let is_first = self.meshes.objects().is_empty();
+        for &Restart { object, .. } in &restarts {
+            for at in 0..self.cloths.len() {
+                if self.cloths[at].object == object {
+                    self.end(at);
+                } else {
+                    self.cloths[at].slides.lose(object);
+                    self.cloths[at].proximity.forget();
+                }
+            }
         }
+        self.step_s = self.meshes.last_s().map_or(0.0, |last_s| time_s - last_s);
+        self.meshes.follow(time_s, meshes, changes)?;
+        if is_first {
+            self.begin();
+        }
+        let objects = self.meshes.objects();
+        for cloth in &mut self.cloths {
+            if restarts.iter().any(|restart| restart.object == cloth.object) {
+                *cloth = Cloth::new(cloth.object, cloth.settings, &objects[cloth.object as usize]);
+            }
+        }
+        self.restarts.extend(restarts);
         for (object, area_m2) in pressing_m2 {
-            let surface = self.objects[object as usize].surface();
+            let surface = self.meshes.objects()[object as usize].surface();
             let mut pressing_m2 = vec![0.0; area_m2.len()];
             // What lies in one place presses as one.
             for (vertex, area_m2) in area_m2.iter().enumerate() {
@@ -277,10 +283,8 @@ impl Analyser {
                 cloth.pressing_m2 = Some(pressing_m2.clone());
             }
         }
-        self.step_s = self.last_s.map_or(0.0, |last_s| time_s - last_s);
-        self.last_s = Some(time_s);
         for at in 0..self.cloths.len() {
-            let buckled = self.cloths[at].feed(time_s, &self.objects);
+            let buckled = self.cloths[at].feed(time_s, self.meshes.objects());
             self.tell(at, buckled);
         }
         let settled_s = self.cloths.iter().map(Cloth::settled_s).fold(f64::INFINITY, f64::min);
@@ -294,9 +298,7 @@ impl Analyser {
             self.end(at);
         }
         self.cloths.clear();
-        self.objects.clear();
-        self.faces.clear();
-        self.last_s = None;
+        self.meshes.clear();
         self.release(f64::INFINITY);
     }
 
@@ -315,17 +317,8 @@ impl Analyser {
         self.restarts.pop_front()
     }
 
+    /// A force is needed for each vertex.
     fn check(&self, time_s: f64, meshes: &[Mesh], pressing_m2: &[(u32, Vec<f64>)]) -> Result<()> {
-        if meshes.len() != self.participants.len() {
-            let (given, expected) = (meshes.len(), self.participants.len());
-            return Err(Error::new(format!("a frame of {given} meshes, of {expected} objects")));
-        }
-        if !time_s.is_finite() || self.last_s.is_some_and(|last_s| time_s <= last_s) {
-            let last = self.last_s.map_or_else(String::new, |last_s| format!(" after one at {last_s} s"));
-            return Err(
-                Error::new(format!("a frame at {time_s} s{last}")).help("frames come in order of time")
-            );
-        }
         for (object, area_m2) in pressing_m2 {
             let (forces, vertices) = (area_m2.len(), meshes[*object as usize].positions.len());
             if forces != vertices {
@@ -335,85 +328,21 @@ impl Analyser {
                     .help("a force is needed for each vertex"));
             }
         }
-        let finite = |(mesh, participant): (&Mesh, &Participant)| {
-            let Some(vertex) = mesh.positions.iter().position(|p| !p.iter().all(|c| c.is_finite())) else {
-                return Ok(());
-            };
-            let [x, y, z] = mesh.positions[vertex];
-            Err(Error::new(format!("vertex {vertex} is at no place at {time_s} s: ({x}, {y}, {z})"))
-                .at(Place::Part(participant.name.clone())))
-        };
-        meshes.par_iter().zip(&self.participants).map(finite).collect()
+        Ok(())
     }
 
-    /// Takes up an object as it lies in a frame.
-    fn take(&self, object: usize, mesh: &Mesh) -> Result<(Touchable, Faces)> {
-        let at_object = |fault: Error| fault.at(Place::Part(self.participants[object].name.clone()));
-        let touchable = Touchable::new(mesh).map_err(at_object)?;
-        let torn_m = TORN * touchable.surface().mean_edge_m(&mesh.positions);
-        let faces = Faces { vertices: mesh.face_vertices.clone(), sizes: mesh.face_sizes.clone(), torn_m };
-        Ok((touchable, faces))
-    }
-
-    fn begin(&mut self, meshes: &[Mesh]) -> Result<()> {
-        let taken: Vec<_> = (0..meshes.len())
-            .into_par_iter()
-            .map(|object| self.take(object, &meshes[object]))
-            .collect::<Result<_>>()?;
-        (self.objects, self.faces) = taken.into_iter().unzip();
+    fn begin(&mut self) {
+        let objects = self.meshes.objects();
         let cloth = |(object, participant): (usize, &Participant)| {
-            Some(Cloth::new(object as u32, participant.cloth?, &self.objects[object]))
+            Some(Cloth::new(object as u32, participant.cloth?, &objects[object]))
         };
         self.cloths = self.participants.iter().enumerate().filter_map(cloth).collect();
-        Ok(())
-    }
-
-    /// Takes up where objects are now; those whose faces change are begun anew.
-    fn follow(&mut self, time_s: f64, meshes: &[Mesh]) -> Result<()> {
-        let why = |object: usize| {
-            let (mesh, faces, known) = (&meshes[object], &self.faces[object], &self.objects[object]);
-            if mesh.positions.len() != known.positions().len()
-                || mesh.face_vertices != faces.vertices
-                || mesh.face_sizes != faces.sizes
-            {
-                return Some(Why::Faces);
-            }
-            known.surface().torn(&mesh.positions, faces.torn_m).map(|_| Why::Seam)
-        };
-        let changed: Vec<Option<Why>> = (0..meshes.len()).map(why).collect();
-        // All that may fail comes before anything is changed.
-        let taken = |object: usize| changed[object].map(|_| self.take(object, &meshes[object])).transpose();
-        let taken: Vec<_> = (0..meshes.len()).map(taken).collect::<Result<_>>()?;
-        for (object, why) in changed.iter().enumerate() {
-            let Some(why) = *why else { continue };
-            self.restarts.push_back(Restart { time_s, object: object as u32, why });
-            for at in 0..self.cloths.len() {
-                if self.cloths[at].object == object as u32 {
-                    self.end(at);
-                } else {
-                    self.cloths[at].slides.lose(object as u32);
-                    self.cloths[at].proximity.forget();
-                }
-            }
-        }
-        let objects = self.objects.par_iter_mut().zip(meshes).zip(&changed);
-        objects
-            .filter(|(_, changed)| changed.is_none())
-            .try_for_each(|((object, mesh), _)| object.follow(&mesh.positions))?;
-        for (object, taken) in taken.into_iter().enumerate() {
-            let Some((touchable, faces)) = taken else { continue };
-            (self.objects[object], self.faces[object]) = (touchable, faces);
-            for cloth in self.cloths.iter_mut().filter(|cloth| cloth.object == object as u32) {
-                *cloth = Cloth::new(cloth.object, cloth.settings, &self.objects[object]);
-            }
-        }
-        Ok(())
     }
 
     /// Ends one cloth, and tells what is left.
     fn end(&mut self, at: usize) {
         let cloth = &mut self.cloths[at];
-        cloth.slides.finish(&self.objects);
+        cloth.slides.finish(self.meshes.objects());
         let buckled = cloth.buckles.finish();
         cloth.beats.extend(cloth.tension.iter_mut().flat_map(Tension::finish));
         self.tell(at, buckled);
@@ -422,8 +351,9 @@ impl Analyser {
     /// Makes events of what a cloth did.
     fn tell(&mut self, at: usize, buckled: Vec<Buckled>) {
         let cloth = &mut self.cloths[at];
-        let name = |object: u32| self.participants[object as usize].name.clone();
-        let positions = self.objects.get(cloth.object as usize).map_or(&[][..], |object| object.positions());
+        let name = |object: u32| self.meshes.name(object);
+        let positions =
+            self.meshes.objects().get(cloth.object as usize).map_or(&[][..], |object| object.positions());
         let middles = if buckled.is_empty() { Vec::new() } else { cloth.patches.middles(positions) };
         let nearest = |position_m: [f64; 3]| {
             let away = |middle: &DVec3| middle.distance_squared(DVec3::from(position_m));

@@ -79,7 +79,7 @@ impl Touchable {
     }
 
     /// A point of a triangle with its normal, which has no length of its own, before and now.
-    pub(super) fn carried(&self, triangle: u32, weights: [f64; 3]) -> Option<[(DVec3, DVec3); 2]> {
+    pub(in crate::motion) fn carried(&self, triangle: u32, weights: [f64; 3]) -> Option<[(DVec3, DVec3); 2]> {
         let corners = self.surface.triangles().get(triangle as usize)?;
         let at = |positions: &[[f32; 3]]| {
             let [a, b, c] = corners.map(|vertex| DVec3::from(positions[vertex as usize].map(f64::from)));
@@ -89,7 +89,7 @@ impl Touchable {
     }
 
     /// Where a vertex was before and is now.
-    pub(super) fn vertex(&self, vertex: u32) -> Option<[DVec3; 2]> {
+    pub(in crate::motion) fn vertex(&self, vertex: u32) -> Option<[DVec3; 2]> {
         let at = |positions: &[[f32; 3]]| Some(DVec3::from(positions.get(vertex as usize)?.map(f64::from)));
         Some([at(&self.before)?, at(&self.positions)?])
     }

@@ -324,11 +324,19 @@ impl Slides {
 
 /// How far a vertex slides along a triangle, in metres, given where it was and is, and where the point of the triangle
 /// was and is, with the triangle's normal.
-fn slid_m([from, to]: [DVec3; 2], [(foot, normal), (foot_now, normal_now)]: [(DVec3, DVec3); 2]) -> f64 {
+fn slid_m(vertex: [DVec3; 2], triangle: [(DVec3, DVec3); 2]) -> f64 {
+    let [(_, normal), _] = triangle;
+    moved_m(vertex, triangle).reject_from_normalized(normal.normalize_or_zero()).length()
+}
+
+/// How a vertex moves beside a triangle, in metres: beyond what it would if it stayed at its height above the point.
+pub(in crate::motion) fn moved_m(
+    [from, to]: [DVec3; 2],
+    [(foot, normal), (foot_now, normal_now)]: [(DVec3, DVec3); 2],
+) -> DVec3 {
     let (normal, normal_now) = (normal.normalize_or_zero(), normal_now.normalize_or_zero());
     let height_m = (from - foot).dot(normal);
-    let moved = (to - from) - (foot_now + height_m * normal_now - foot - height_m * normal);
-    moved.reject_from_normalized(normal).length()
+    (to - from) - (foot_now + height_m * normal_now - foot - height_m * normal)
 }
 
 #[cfg(test)]

@@ -22,6 +22,8 @@ pub struct Triangulation {
     /// For each vertex of the mesh the one that stands for it.
     welded: Vec<u32>,
     triangles: Vec<[u32; 3]>,
+    /// The face of the mesh that each triangle was cut from.
+    faces: Vec<u32>,
     /// The vertices around each, one after another, ascending.
     rings: Lists,
     /// The triangles at each vertex, ascending.
@@ -34,7 +36,7 @@ pub struct Triangulation {
 
 /// Lists one behind the other in one array.
 #[derive(Debug, Clone, Default, PartialEq)]
-struct Lists {
+pub(in crate::motion) struct Lists {
     /// Where each begins, and where the last ends.
     starts: Vec<u32>,
     items: Vec<u32>,
@@ -42,7 +44,7 @@ struct Lists {
 
 impl Lists {
     /// From pairs of a list's number and an item, in the order of the pairs.
-    fn from_pairs(count: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> Self {
+    pub fn from_pairs(count: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> Self {
         let mut starts = vec![0u32; count + 1];
         for (list, _) in pairs.clone() {
             starts[list as usize + 1] += 1;
@@ -59,7 +61,8 @@ impl Lists {
         Self { starts, items }
     }
 
-    fn get(&self, list: u32) -> &[u32] {
+    /// One of the lists.
+    pub fn get(&self, list: u32) -> &[u32] {
         let list = list as usize;
         &self.items[self.starts[list] as usize..self.starts[list + 1] as usize]
     }
@@ -83,7 +86,7 @@ impl Triangulation {
     pub fn new(mesh: &Mesh) -> Result<Self> {
         check(mesh)?;
         let welded = weld(&mesh.positions);
-        let mut triangles = cut(mesh, &welded);
+        let (mut triangles, faces) = cut(mesh, &welded);
         let sides = sides(&triangles);
         let (mut across, odd_edges, boundary_edges) = across(&sides, triangles.len());
         let count = mesh.positions.len();
@@ -98,7 +101,8 @@ impl Triangulation {
         }
         let corners = triangles.iter().enumerate().flat_map(|(t, corners)| corners.map(|v| (v, t as u32)));
         let fans = Lists::from_pairs(count, corners);
-        let mut made = Self { welded, triangles, rings, fans, inner: Vec::new(), boundary_edges, odd_edges };
+        let mut made =
+            Self { welded, triangles, faces, rings, fans, inner: Vec::new(), boundary_edges, odd_edges };
         made.inner = (0..count as u32).map(|vertex| made.closes(vertex, &across, &torn)).collect();
         Ok(made)
     }
@@ -116,6 +120,11 @@ impl Triangulation {
     /// The corners of the triangles, counter-clockwise seen from outside as far as the mesh has an outside.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
+    }
+
+    /// For each triangle the face of the mesh that it was cut from, ascending.
+    pub fn faces(&self) -> &[u32] {
+        &self.faces
     }
 
     /// The vertices that share an edge with a vertex, ascending. A vertex that is in no triangle has none.
@@ -225,32 +234,34 @@ fn weld(positions: &[[f32; 3]]) -> Vec<u32> {
     positions.iter().enumerate().map(weld).collect()
 }
 
-/// Cuts polygons into triangles.
-fn cut(mesh: &Mesh, welded: &[u32]) -> Vec<[u32; 3]> {
+/// Cuts polygons into triangles, each with the number of its polygon.
+fn cut(mesh: &Mesh, welded: &[u32]) -> (Vec<[u32; 3]>, Vec<u32>) {
     let place = |vertex: u32| DVec3::from(mesh.positions[vertex as usize].map(f64::from));
     let mut triangles = Vec::with_capacity(2 * mesh.face_sizes.len());
-    let mut push = |corners: [u32; 3]| {
+    let mut faces = Vec::with_capacity(2 * mesh.face_sizes.len());
+    let mut push = |corners: [u32; 3], number: usize| {
         let [a, b, c] = corners.map(|vertex| welded[vertex as usize]);
         if a != b && b != c && c != a {
             triangles.push([a, b, c]);
+            faces.push(number as u32);
         }
     };
     let mut start = 0;
-    for &size in &mesh.face_sizes {
+    for (number, &size) in mesh.face_sizes.iter().enumerate() {
         let face = &mesh.face_vertices[start..start + size as usize];
         start += size as usize;
         if let &[a, b, c, d] = face
             && place(b).distance_squared(place(d)) < place(a).distance_squared(place(c))
         {
-            push([a, b, d]);
-            push([b, c, d]);
+            push([a, b, d], number);
+            push([b, c, d], number);
             continue;
         }
         for pair in face.get(1..).unwrap_or_default().windows(2) {
-            push([face[0], pair[0], pair[1]]);
+            push([face[0], pair[0], pair[1]], number);
         }
     }
-    triangles
+    (triangles, faces)
 }
 
 /// The sides of all triangles, those of one edge side by side.

@@ -1,0 +1,219 @@
+//! The regions of a sheet where whatever animates it knows them: a file of one JSON object a line and frame.
+//!
+//! ```text
+//! {"time_s":0.5,"regions":[{"faces":[0,1],"kind":"flat"},
+//!  {"faces":[2,3],"kind":"curved","rulings":[[[0,0,0],[0,0.2,0]]]}],"held":[0,4],"touching":[]}
+//! ```
+//!
+//! on one line. Faces and vertices are those of the mesh, from 0. Every face is in one region, every curved region has
+//! rulings. `held` and `touching` may be left out; both are found from motion then.
+
+use std::io::BufRead;
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use serde::Deserialize;
+
+use super::sheet::{Lie, NONE, Sheet};
+use crate::motion::cloth::triangulation::Triangulation;
+use crate::{Error, Place, Result};
+
+/// The longest line that is read, in bytes.
+pub const LONGEST_LINE_BYTES: usize = 64 << 20;
+
+/// The regions of a sheet in one frame, as whatever animates it has them.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Partition {
+    /// The time of the frame, in seconds.
+    pub time_s: f64,
+    /// The regions.
+    pub regions: Vec<Part>,
+    /// The vertices that are held; without it they are found.
+    #[serde(default)]
+    pub held: Option<Vec<u32>>,
+    /// The vertices that touch something; without it they are found.
+    #[serde(default)]
+    pub touching: Option<Vec<u32>>,
+}
+
+/// One region.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Part {
+    /// Its faces, by their numbers in the mesh.
+    pub faces: Vec<u32>,
+    /// Whether it is flat or curved.
+    pub kind: Kind,
+    /// The ends of its rulings, in metres, where the mesh is.
+    #[serde(default)]
+    pub rulings: Vec<[[f64; 3]; 2]>,
+}
+
+/// What a region is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// It is flat.
+    Flat,
+    /// It is curved along rulings.
+    Curved,
+}
+
+/// What is known of the triangles of a sheet.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Given {
+    pub of: Vec<u32>,
+    pub is_curved: Vec<bool>,
+    pub rulings: Vec<DVec3>,
+}
+
+impl Partition {
+    /// Brings it to the triangles of a mesh of so many faces.
+    ///
+    /// # Errors
+    /// A face or vertex that is not there, a face in two regions or in none, a curved region without rulings.
+    pub(super) fn given(
+        &self,
+        faces: usize,
+        sheet: &Sheet,
+        surface: &Triangulation,
+        lie: &Lie,
+    ) -> Result<Given> {
+        self.check(faces, surface.vertex_count())?;
+        let mut region_of = vec![NONE; faces];
+        for (number, region) in self.regions.iter().enumerate() {
+            region.faces.iter().for_each(|&face| region_of[face as usize] = number as u32);
+        }
+        let of: Vec<u32> = surface.faces().iter().map(|&face| region_of[face as usize]).collect();
+        let is_curved: Vec<bool> = self.regions.iter().map(|region| region.kind == Kind::Curved).collect();
+        let ruling = |(triangle, &region): (usize, &u32)| {
+            let middle = lie.middle(sheet, triangle);
+            let away = |ends: &&[[f64; 3]; 2]| {
+                let [a, b] = ends.map(DVec3::from);
+                let along = b - a;
+                let part =
+                    ((middle - a).dot(along) / along.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+                middle.distance_squared(a + part * along)
+            };
+            let rulings = self.regions[region as usize].rulings.iter();
+            let nearest = rulings.min_by(|a, b| away(a).total_cmp(&away(b)));
+            nearest
+                .map_or(DVec3::ZERO, |ends| (DVec3::from(ends[1]) - DVec3::from(ends[0])).normalize_or_zero())
+        };
+        let rulings = of.iter().enumerate().map(ruling).collect();
+        Ok(Given { of, is_curved, rulings })
+    }
+
+    fn check(&self, faces: usize, vertices: usize) -> Result<()> {
+        let mut region_of = vec![NONE; faces];
+        for (number, region) in self.regions.iter().enumerate() {
+            if region.kind == Kind::Curved && region.rulings.is_empty() {
+                return Err(Error::new(format!("region {number} is curved and has no rulings"))
+                    .help("give the ends of at least one, or say that it is flat"));
+            }
+            for &face in &region.faces {
+                match region_of.get_mut(face as usize) {
+                    None => {
+                        let what = format!("region {number} has face {face}, but the mesh has {faces}");
+                        return Err(Error::new(what).help("faces are counted from 0"));
+                    }
+                    Some(of) if *of != NONE => {
+                        return Err(Error::new(format!(
+                            "face {face} is in region {of} and in region {number}"
+                        )));
+                    }
+                    Some(of) => *of = number as u32,
+                }
+            }
+        }
+        if let Some(face) = region_of.iter().position(|&of| of == NONE) {
+            return Err(Error::new(format!("face {face} is in no region")).help("every face is in one"));
+        }
+        let named = self.held.iter().chain(&self.touching).flatten();
+        match named.copied().find(|&vertex| vertex as usize >= vertices) {
+            Some(vertex) => Err(Error::new(format!("vertex {vertex} is named, but the mesh has {vertices}"))
+                .help("vertices are counted from 0")),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Reads partitions line by line, in the memory of one line. It ends after its first error.
+///
+/// ```
+/// use froufrou::motion::paper::ready_made::{Kind, Reader};
+/// let text = r#"{"time_s":0,"regions":[{"faces":[0],"kind":"flat"}],"held":[1]}"#;
+/// let mut reader = Reader::new(text.as_bytes(), "sheet.jsonl");
+/// let Some(first) = reader.next().transpose()? else { panic!("a frame") };
+/// assert_eq!((first.regions[0].kind, first.held), (Kind::Flat, Some(vec![1])));
+/// # Ok::<(), froufrou::Error>(())
+/// ```
+#[derive(Debug)]
+pub struct Reader<R> {
+    inner: R,
+    file: PathBuf,
+    line: usize,
+    last_s: Option<f64>,
+    buffer: Vec<u8>,
+    over: bool,
+}
+
+impl<R: BufRead> Reader<R> {
+    /// Reads from anywhere; `file` is the name in messages.
+    pub fn new(inner: R, file: impl AsRef<Path>) -> Self {
+        Self { inner, file: file.as_ref().to_owned(), line: 0, last_s: None, buffer: Vec::new(), over: false }
+    }
+
+    /// The line that was read last, from 1.
+    pub fn line(&self) -> usize {
+        self.line
+    }
+
+    fn read(&mut self) -> Result<Option<Partition>> {
+        loop {
+            self.line += 1;
+            self.buffer.clear();
+            let mut bounded = std::io::Read::take(&mut self.inner, LONGEST_LINE_BYTES as u64 + 1);
+            let count = bounded
+                .read_until(b'\n', &mut self.buffer)
+                .map_err(|fault| Error::new(format!("cannot read: {fault}")).because(fault))?;
+            if count == 0 {
+                return Ok(None);
+            }
+            if count > LONGEST_LINE_BYTES {
+                return Err(Error::new(format!("a line longer than {LONGEST_LINE_BYTES} bytes")));
+            }
+            if self.buffer.iter().all(u8::is_ascii_whitespace) {
+                continue;
+            }
+            let read: Partition = serde_json::from_slice(&self.buffer).map_err(|fault| {
+                let place = Place::Line { line: self.line, column: fault.column() };
+                // The place that serde gives counts lines of this line.
+                let what = fault.to_string();
+                let what = what.rsplit_once(" at line ").map_or(what.as_str(), |(what, _)| what);
+                Error::new(format!("not the regions of a sheet: {what}")).at(place).because(fault)
+            })?;
+            if let Some(last_s) = self.last_s.filter(|last_s| read.time_s <= *last_s) {
+                let what = format!("regions at {} s after those at {last_s} s", read.time_s);
+                return Err(Error::new(what).help("frames come in order of time"));
+            }
+            self.last_s = Some(read.time_s);
+            return Ok(Some(read));
+        }
+    }
+}
+
+impl<R: BufRead> Iterator for Reader<R> {
+    type Item = Result<Partition>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.over {
+            return None;
+        }
+        let place = |line| Place::Line { line, column: 0 };
+        let read = self.read().map_err(|e| e.in_file(self.file.clone()).at(place(self.line))).transpose();
+        self.over = !matches!(read, Some(Ok(_)));
+        read
+    }
+}
