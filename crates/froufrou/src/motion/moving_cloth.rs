@@ -3,18 +3,16 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use rayon::prelude::*;
-
 use super::cloth::buckles::BuckleSettings;
 use super::cloth::sliding::{Sliding, SlidingSettings};
 use super::cloth::tension::TensionSettings;
 use super::cloth::{Analyser, ClothSettings, Participant, Restart};
 use super::event::Event;
+use super::mesh_frames::{self, Body, MeshFrames};
+use crate::Result;
 use crate::scene::Scene;
-use crate::scene::animation::{Mesh, Topology};
 use crate::scene::file::Cloth;
 use crate::scene::world::{Carrier, World};
-use crate::{Error, Place, Result};
 
 /// What is told of cloths.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,14 +53,9 @@ pub enum Told {
 /// ```
 pub struct MovingCloth {
     analyser: Analyser,
-    carriers: Vec<Carrier>,
-    /// The carrier whose frames are taken.
-    leading: usize,
-    next_s: Option<f64>,
-    meshes: Vec<Mesh>,
+    frames: MeshFrames,
     /// What the file of an object calls the forces of its vertices, by the object's number.
     forces: Vec<(u32, String)>,
-    file: PathBuf,
     over: bool,
 }
 
@@ -72,31 +65,12 @@ impl MovingCloth {
     /// # Errors
     /// An object without a mesh.
     pub fn new(bodies: Vec<(Participant, Carrier)>, file: impl Into<PathBuf>) -> Result<Self> {
-        let file = file.into();
-        if let Some((participant, _)) =
-            bodies.iter().find(|(_, carrier)| carrier.topology() == Topology::None)
-        {
-            return Err(Error::new("cloth cannot touch it: it has no mesh")
-                .at(Place::Part(participant.name.clone()))
-                .in_file(file));
-        }
-        let cloths = bodies.iter().enumerate().filter(|(_, (participant, _))| participant.cloth.is_some());
-        let counts = cloths.map(|(index, (_, carrier))| (index, carrier.key_count()));
-        // Of those with as many the first.
-        let leading = counts.max_by_key(|&(index, count)| (count, std::cmp::Reverse(index)));
-        let leading = leading.map(|(index, _)| index);
-        let (participants, carriers): (Vec<_>, Vec<Carrier>) = bodies.into_iter().unzip();
-        let first = |index: usize| carriers.get(index)?.next_key_s(f64::MIN);
-        Ok(Self {
-            next_s: leading.and_then(first),
-            leading: leading.unwrap_or_default(),
-            meshes: vec![Mesh::default(); carriers.len()],
-            analyser: Analyser::new(participants),
-            forces: Vec::new(),
-            carriers,
-            file,
-            over: false,
-        })
+        let named = bodies.iter().map(|(participant, carrier)| {
+            (participant.name.as_str(), carrier.clone(), participant.cloth.is_some())
+        });
+        let frames = MeshFrames::new("cloth", named, file.into())?;
+        let participants = bodies.into_iter().map(|(participant, _)| participant).collect();
+        Ok(Self { analyser: Analyser::new(participants), frames, forces: Vec::new(), over: false })
     }
 
     /// Takes how hard a cloth presses from its file, which has a number in newtons, or a vector, for each vertex by a name.
@@ -118,22 +92,17 @@ impl MovingCloth {
 
     /// Feeds the next frame.
     fn step(&mut self) -> Result<()> {
-        let Some(time_s) = self.next_s else {
+        let Some(time_s) = self.frames.advance()? else {
             self.over = true;
             self.analyser.finish();
             return Ok(());
         };
-        let read = |(carrier, mesh): (&Carrier, &mut Mesh)| carrier.mesh(time_s, mesh);
-        let read: Vec<Result<()>> = self.carriers.par_iter().zip(&mut self.meshes).map(read).collect();
-        read.into_iter().collect::<Result<()>>()?;
         let mut force_n = Vec::new();
         for (object, attribute) in &self.forces {
-            self.carriers[*object as usize].vertex_values(attribute, time_s, &mut force_n)?;
+            self.frames.carrier(*object).vertex_values(attribute, time_s, &mut force_n)?;
             self.analyser.press(*object, &force_n)?;
         }
-        self.analyser.feed(time_s, &self.meshes)?;
-        self.next_s = self.carriers[self.leading].next_key_s(time_s);
-        Ok(())
+        self.analyser.feed(time_s, self.frames.meshes())
     }
 }
 
@@ -170,35 +139,22 @@ fn cloths_of(
     settings: impl Fn(&Cloth) -> ClothSettings,
 ) -> Result<Option<MovingCloth>> {
     let (mut bodies, mut forces) = (Vec::new(), Vec::new());
-    for (object, members) in scene.objects.iter().zip(&world.objects) {
-        let material = object.material.and_then(|index| scene.materials.get(index));
+    for Body { name, carrier, material } in
+        mesh_frames::bodies(scene, world, "cloth", |material| material.cloth.is_some())?
+    {
         let cloth = material.and_then(|material| material.cloth.as_ref());
-        let force = cloth.and_then(|cloth| cloth.force.as_ref());
-        let cloth = cloth.map(&settings);
-        for member in members {
-            let carrier = member.carrier.as_ref().filter(|_| object.swarm.is_none());
-            let has_mesh = carrier.is_some_and(|carrier| carrier.topology() != Topology::None);
-            if cloth.is_some() && !has_mesh {
-                return Err(Error::new("it is of cloth and has no mesh")
-                    .at(Place::Part(member.name.clone()))
-                    .in_file(&scene.file)
-                    .help("give it a `source` that names a mesh"));
-            }
-            if let Some(carrier) = carrier.filter(|_| has_mesh && (others || cloth.is_some())) {
-                forces.extend(force.map(|force| (bodies.len() as u32, force.clone())));
-                bodies.push((Participant { name: member.name.clone(), cloth }, carrier.clone()));
-            }
+        if others || cloth.is_some() {
+            let force = cloth.and_then(|cloth| cloth.force.as_ref()).filter(|_| others);
+            forces.extend(force.map(|force| (bodies.len() as u32, force)));
+            let cloth = cloth.map(&settings);
+            bodies.push((Participant { name: name.to_owned(), cloth }, carrier));
         }
     }
     if bodies.iter().all(|(participant, _)| participant.cloth.is_none()) {
         return Ok(None);
     }
     let cloths = MovingCloth::new(bodies, &scene.file)?;
-    Ok(Some(if others {
-        forces.iter().fold(cloths, |cloths, (object, name)| cloths.pressed(*object, name))
-    } else {
-        cloths
-    }))
+    Ok(Some(forces.into_iter().fold(cloths, |cloths, (object, name)| cloths.pressed(object, name))))
 }
 
 /// What the cloths of a scene do, in order of time: the objects whose materials have a `cloth`, along all that have a
@@ -289,7 +245,7 @@ impl Iterator for MovingCloth {
             }
             if let Err(fault) = self.step() {
                 self.over = true;
-                return Some(Err(fault.in_file(self.file.clone())));
+                return Some(Err(fault.in_file(self.frames.file.clone())));
             }
         }
     }

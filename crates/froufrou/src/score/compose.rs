@@ -33,6 +33,7 @@ use crate::motion::contacts::LogEvents;
 use crate::motion::event::{Event, Friction};
 use crate::motion::moving::MovingBodies;
 use crate::motion::moving_cloth::{self, buckle_energies};
+use crate::motion::moving_paper;
 use crate::motion::rub::Rubbing;
 use crate::random::Random;
 use crate::scene::file::{Acoustics, Emitter, Material, Played, Scene, SceneSound, StartKey, Timing};
@@ -137,6 +138,8 @@ impl Events {
         }
         let cloth: EventSource = Box::new(moving_cloth::events(scene, world)?);
         sources.push(cloth.peekable());
+        let paper: EventSource = Box::new(moving_paper::events(scene, world)?);
+        sources.push(paper.peekable());
         Ok(Self { sources })
     }
 }

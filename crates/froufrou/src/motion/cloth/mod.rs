@@ -40,8 +40,8 @@ use self::proximity::{Proximity, Touchable};
 use self::sliding::{Slides, Sliding, SlidingSettings};
 use self::tension::{Beat, Tension, TensionSettings};
 use super::event::{Buckle, Cause, Event, Flap, Moved};
-use crate::Result;
 use crate::scene::animation::Mesh;
+use crate::{Error, Place, Result};
 
 /// How a cloth is looked at.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -69,6 +69,7 @@ impl Slid {
         resonators: Vec<Resonator>,
     ) -> Friction {
         Friction {
+            force_n: None,
             time_s,
             lasts_s,
             cloth,
