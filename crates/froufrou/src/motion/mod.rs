@@ -9,6 +9,8 @@ pub mod lives;
 mod momentum;
 pub mod moving;
 pub mod moving_cloth;
+mod moving_meshes;
+pub mod moving_paper;
 pub mod paper;
 pub mod rigid;
 pub mod rub;

@@ -3,13 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use rayon::prelude::*;
-
 use super::cloth::buckles::BuckleSettings;
 use super::cloth::sliding::{Sliding, SlidingSettings};
 use super::cloth::tension::TensionSettings;
 use super::cloth::{Analyser, ClothSettings, Participant, Restart};
 use super::event::Event;
+use super::moving_meshes::{Analyse, MovingMeshes};
 use crate::scene::Scene;
 use crate::scene::animation::{Mesh, Topology};
 use crate::scene::file::Cloth;
@@ -53,16 +52,7 @@ pub enum Told {
 /// }
 /// # Ok(()) }
 /// ```
-pub struct MovingCloth {
-    analyser: Analyser,
-    carriers: Vec<Carrier>,
-    /// The carrier whose frames are taken.
-    leading: usize,
-    next_s: Option<f64>,
-    meshes: Vec<Mesh>,
-    file: PathBuf,
-    over: bool,
-}
+pub struct MovingCloth(MovingMeshes<Analyser>);
 
 impl MovingCloth {
     /// Begins with some objects and what carries their meshes; `file` is the scene, which messages name.
@@ -70,56 +60,34 @@ impl MovingCloth {
     /// # Errors
     /// An object without a mesh.
     pub fn new(bodies: Vec<(Participant, Carrier)>, file: impl Into<PathBuf>) -> Result<Self> {
-        let file = file.into();
-        if let Some((participant, _)) =
-            bodies.iter().find(|(_, carrier)| carrier.topology() == Topology::None)
-        {
-            return Err(Error::new("cloth cannot touch it: it has no mesh")
-                .at(Place::Part(participant.name.clone()))
-                .in_file(file));
-        }
-        let cloths = bodies.iter().enumerate().filter(|(_, (participant, _))| participant.cloth.is_some());
-        let counts = cloths.map(|(index, (_, carrier))| (index, carrier.key_count()));
-        // Of those with as many the first.
-        let leading = counts.max_by_key(|&(index, count)| (count, std::cmp::Reverse(index)));
-        let leading = leading.map(|(index, _)| index);
-        let (participants, carriers): (Vec<_>, Vec<Carrier>) = bodies.into_iter().unzip();
-        let first = |index: usize| carriers.get(index)?.next_key_s(f64::MIN);
-        Ok(Self {
-            next_s: leading.and_then(first),
-            leading: leading.unwrap_or_default(),
-            meshes: vec![Mesh::default(); carriers.len()],
-            analyser: Analyser::new(participants),
-            carriers,
-            file,
-            over: false,
-        })
+        let (participants, carriers): (Vec<Participant>, Vec<Carrier>) = bodies.into_iter().unzip();
+        let objects =
+            participants.iter().map(|participant| (participant.name.clone(), participant.cloth.is_some()));
+        let objects: Vec<_> = objects.collect();
+        MovingMeshes::new(Analyser::new(participants), carriers, &objects, file.into(), "cloth").map(Self)
     }
 
     /// The objects, in the order of their numbers.
     pub fn participants(&self) -> &[Participant] {
-        self.analyser.participants()
+        self.0.analyser.participants()
+    }
+}
+
+impl Analyse for Analyser {
+    type Told = Told;
+
+    fn feed(&mut self, time_s: f64, meshes: &[Mesh]) -> Result<()> {
+        self.feed(time_s, meshes)
     }
 
     fn told(&mut self) -> Option<Told> {
-        let event = self.analyser.next_event().map(Told::Event);
-        let sliding = || self.analyser.next_sliding().map(Told::Sliding);
-        event.or_else(sliding).or_else(|| self.analyser.next_restart().map(Told::Restart))
+        let event = self.next_event().map(Told::Event);
+        let sliding = || self.next_sliding().map(Told::Sliding);
+        event.or_else(sliding).or_else(|| self.next_restart().map(Told::Restart))
     }
 
-    /// Feeds the next frame.
-    fn step(&mut self) -> Result<()> {
-        let Some(time_s) = self.next_s else {
-            self.over = true;
-            self.analyser.finish();
-            return Ok(());
-        };
-        let read = |(carrier, mesh): (&Carrier, &mut Mesh)| carrier.mesh(time_s, mesh);
-        let read: Vec<Result<()>> = self.carriers.par_iter().zip(&mut self.meshes).map(read).collect();
-        read.into_iter().collect::<Result<()>>()?;
-        self.analyser.feed(time_s, &self.meshes)?;
-        self.next_s = self.carriers[self.leading].next_key_s(time_s);
-        Ok(())
+    fn finish(&mut self) {
+        self.finish();
     }
 }
 
@@ -213,17 +181,6 @@ impl Iterator for MovingCloth {
     type Item = Result<Told>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        loop {
-            if let Some(told) = self.told() {
-                return Some(Ok(told));
-            }
-            if self.over {
-                return None;
-            }
-            if let Err(fault) = self.step() {
-                self.over = true;
-                return Some(Err(fault.in_file(self.file.clone())));
-            }
-        }
+        self.0.next()
     }
 }
