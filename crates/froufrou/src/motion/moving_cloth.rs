@@ -8,9 +8,10 @@ use super::cloth::sliding::{Sliding, SlidingSettings};
 use super::cloth::tension::TensionSettings;
 use super::cloth::{Analyser, ClothSettings, Participant, Restart};
 use super::event::Event;
-use super::mesh_frames::{self, Body, MeshFrames};
+use super::moving_meshes::{Analyse, MovingMeshes, Sheet, sheets};
 use crate::Result;
 use crate::scene::Scene;
+use crate::scene::animation::Mesh;
 use crate::scene::file::Cloth;
 use crate::scene::world::{Carrier, World};
 
@@ -51,12 +52,20 @@ pub enum Told {
 /// }
 /// # Ok(()) }
 /// ```
-pub struct MovingCloth {
+pub struct MovingCloth(MovingMeshes<Cloths>);
+
+/// An analyser that is told of forces.
+struct Cloths {
     analyser: Analyser,
-    frames: MeshFrames,
-    /// What the file of an object calls the forces of its vertices, by the object's number.
-    forces: Vec<(u32, String)>,
-    over: bool,
+    forces: Vec<Force>,
+    force_n: Vec<f32>,
+}
+
+/// What the file of an object calls the forces of its vertices.
+struct Force {
+    object: u32,
+    attribute: String,
+    carrier: Carrier,
 }
 
 impl MovingCloth {
@@ -65,23 +74,39 @@ impl MovingCloth {
     /// # Errors
     /// An object without a mesh.
     pub fn new(bodies: Vec<(Participant, Carrier)>, file: impl Into<PathBuf>) -> Result<Self> {
-        let named = bodies.iter().map(|(participant, carrier)| {
-            (participant.name.as_str(), carrier.clone(), participant.cloth.is_some())
-        });
-        let frames = MeshFrames::new("cloth", named, file.into())?;
-        let participants = bodies.into_iter().map(|(participant, _)| participant).collect();
-        Ok(Self { analyser: Analyser::new(participants), frames, forces: Vec::new(), over: false })
+        let (participants, carriers): (Vec<Participant>, Vec<Carrier>) = bodies.into_iter().unzip();
+        let objects =
+            participants.iter().map(|participant| (participant.name.clone(), participant.cloth.is_some()));
+        let objects: Vec<_> = objects.collect();
+        let cloths =
+            Cloths { analyser: Analyser::new(participants), forces: Vec::new(), force_n: Vec::new() };
+        MovingMeshes::new(cloths, carriers, &objects, file.into(), "cloth").map(Self)
     }
 
-    /// Takes how hard a cloth presses from its file, which has a number in newtons, or a vector, for each vertex by a name.
+    /// Takes how hard a cloth presses from its file, which has a number in newtons, or a vector, for each vertex by a
+    /// name. An object that there is not is as if nothing was said.
     pub fn pressed(mut self, object: u32, attribute: &str) -> Self {
-        self.forces.push((object, attribute.to_owned()));
+        if let Some(carrier) = self.0.carriers.get(object as usize).cloned() {
+            self.0.analyser.forces.push(Force { object, attribute: attribute.to_owned(), carrier });
+        }
         self
     }
 
     /// The objects, in the order of their numbers.
     pub fn participants(&self) -> &[Participant] {
-        self.analyser.participants()
+        self.0.analyser.analyser.participants()
+    }
+}
+
+impl Analyse for Cloths {
+    type Told = Told;
+
+    fn feed(&mut self, time_s: f64, meshes: &[Mesh]) -> Result<()> {
+        for Force { object, attribute, carrier } in &self.forces {
+            carrier.vertex_values(attribute, time_s, &mut self.force_n)?;
+            self.analyser.press(*object, &self.force_n)?;
+        }
+        self.analyser.feed(time_s, meshes)
     }
 
     fn told(&mut self) -> Option<Told> {
@@ -90,19 +115,8 @@ impl MovingCloth {
         event.or_else(sliding).or_else(|| self.analyser.next_restart().map(Told::Restart))
     }
 
-    /// Feeds the next frame.
-    fn step(&mut self) -> Result<()> {
-        let Some(time_s) = self.frames.advance()? else {
-            self.over = true;
-            self.analyser.finish();
-            return Ok(());
-        };
-        let mut force_n = Vec::new();
-        for (object, attribute) in &self.forces {
-            self.frames.carrier(*object).vertex_values(attribute, time_s, &mut force_n)?;
-            self.analyser.press(*object, &force_n)?;
-        }
-        self.analyser.feed(time_s, self.frames.meshes())
+    fn finish(&mut self) {
+        self.analyser.finish();
     }
 }
 
@@ -139,8 +153,8 @@ fn cloths_of(
     settings: impl Fn(&Cloth) -> ClothSettings,
 ) -> Result<Option<MovingCloth>> {
     let (mut bodies, mut forces) = (Vec::new(), Vec::new());
-    for Body { name, carrier, material } in
-        mesh_frames::bodies(scene, world, "cloth", |material| material.cloth.is_some())?
+    for Sheet { name, carrier, material } in
+        sheets(scene, world, "cloth", |material| material.cloth.is_some())?
     {
         let cloth = material.and_then(|material| material.cloth.as_ref());
         if others || cloth.is_some() {
@@ -236,18 +250,7 @@ impl Iterator for MovingCloth {
     type Item = Result<Told>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        loop {
-            if let Some(told) = self.told() {
-                return Some(Ok(told));
-            }
-            if self.over {
-                return None;
-            }
-            if let Err(fault) = self.step() {
-                self.over = true;
-                return Some(Err(fault.in_file(self.frames.file.clone())));
-            }
-        }
+        self.0.next()
     }
 }
 

@@ -4,115 +4,166 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
+use super::cloth::Restart;
 use super::event::Event;
-use super::mesh_frames::{self, Body, MeshFrames};
+use super::moving_meshes::{Analyse, MovingMeshes, Sheet, sheets};
 use super::paper::ready_made::{Partition, Reader};
 use super::paper::{Analyser, PaperSettings, Participant};
 use crate::scene::Scene;
+use crate::scene::animation::Mesh;
 use crate::scene::file::Paper;
 use crate::scene::world::{Carrier, World};
-use crate::{Error, Result};
+use crate::{Error, Place, Result};
 
-/// What sheets do, frame by frame: an iterator over events in order of time. It ends after its first error.
+/// Regions that are as early as this before a frame, in seconds, are those of it.
+const EARLY_S: f64 = 1e-6;
+
+/// What is told of sheets.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Told {
+    /// Something happened; in order of time.
+    Event(Event),
+    /// What was known of an object is forgotten.
+    Restart(Restart),
+}
+
+/// An object with a mesh: a sheet, or what sheets may touch.
+pub struct Body {
+    /// Its name.
+    pub name: String,
+    /// How it is looked at, if it is a sheet.
+    pub paper: Option<PaperSettings>,
+    /// A file of its regions, where whatever animates it has them; see [`super::paper::ready_made`].
+    pub regions: Option<PathBuf>,
+    /// What carries its mesh.
+    pub carrier: Carrier,
+}
+
+/// What sheets do, frame by frame. It ends after its first error.
 ///
-/// Frames are those of the sheet with the most of them; other meshes are asked where they are then.
-pub struct MovingPaper {
+/// Frames are those of the sheet with the most of them; other meshes are asked where they are then. Of a file of
+/// regions a frame takes the last ones that are not later; before the first they are found. It holds one frame of all
+/// meshes and what its analyser holds.
+///
+/// ```no_run
+/// # fn main() -> froufrou::Result<()> {
+/// use froufrou::motion::moving_paper::{Body, MovingPaper, Told};
+/// use froufrou::motion::paper::PaperSettings;
+/// use froufrou::scene::{Scene, world::World};
+/// let scene = Scene::open("scene.toml", false)?;
+/// let world = World::open(&scene)?;
+/// let mut bodies = Vec::new();
+/// for body in world.objects.iter().flatten() {
+///     let paper = (body.name == "letter").then(PaperSettings::default);
+///     if let Some(carrier) = body.carrier.clone() {
+///         bodies.push(Body { name: body.name.clone(), paper, regions: None, carrier });
+///     }
+/// }
+/// for told in MovingPaper::new(bodies, &scene.file)? {
+///     if let Told::Event(event) = told? {
+///         println!("{event:?}");
+///     }
+/// }
+/// # Ok(()) }
+/// ```
+pub struct MovingPaper(MovingMeshes<Sheets>);
+
+/// An analyser that is given the regions of files.
+struct Sheets {
     analyser: Analyser,
-    frames: MeshFrames,
-    /// What is known of sheets beforehand.
-    known: Vec<Known>,
-    over: bool,
+    files: Vec<Option<Regions>>,
 }
 
-/// The regions of a sheet, as its animator has them: those of a time hold until the next.
-struct Known {
-    object: usize,
+/// A file of regions that is read along.
+struct Regions {
+    file: PathBuf,
     reader: Reader<BufReader<File>>,
-    now: Option<Partition>,
-    next: Option<Partition>,
+    /// Those that hold now, and those that come next, each with its line.
+    now: Option<(usize, Partition)>,
+    next: Option<(usize, Partition)>,
 }
 
-impl Known {
-    fn open(object: usize, path: &Path) -> Result<Self> {
-        let file = File::open(path).map_err(|fault| Error::io("open", path, fault))?;
-        let mut reader = Reader::new(BufReader::new(file), path);
-        let next = reader.next().transpose()?;
-        Ok(Self { object, reader, now: None, next })
+impl Regions {
+    fn open(file: &Path) -> Result<Self> {
+        let open = File::open(file).map_err(|fault| Error::io("open", file, fault))?;
+        let mut reader = Reader::new(BufReader::new(open), file);
+        let next = Self::read(&mut reader)?;
+        Ok(Self { file: file.to_owned(), reader, now: None, next })
     }
 
-    /// Those of a time.
-    fn at(&mut self, time_s: f64) -> Result<Option<Partition>> {
-        // Times that are printed are rounded.
-        while let Some(next) = self.next.take_if(|next| next.time_s <= time_s + 1e-6) {
-            self.now = Some(next);
-            self.next = self.reader.next().transpose()?;
+    fn read(reader: &mut Reader<BufReader<File>>) -> Result<Option<(usize, Partition)>> {
+        let read = reader.next().transpose()?;
+        Ok(read.map(|partition| (reader.line(), partition)))
+    }
+
+    /// Those that hold at a time for a mesh.
+    fn at(&mut self, time_s: f64, mesh: &Mesh) -> Result<Option<&Partition>> {
+        while self.next.as_ref().is_some_and(|(_, next)| next.time_s <= time_s + EARLY_S) {
+            self.now = self.next.take();
+            self.next = Self::read(&mut self.reader)?;
         }
-        Ok(self.now.clone())
+        let Some((line, now)) = &self.now else { return Ok(None) };
+        let place = Place::Line { line: *line, column: 0 };
+        now.check(mesh).map_err(|fault| fault.in_file(self.file.clone()).at(place))?;
+        Ok(Some(now))
     }
 }
 
 impl MovingPaper {
-    /// Begins with some objects and what carries their meshes; `file` is the scene, which messages name.
+    /// Begins with some objects; `scene` is the file that messages name.
     ///
     /// # Errors
-    /// An object without a mesh.
-    pub fn new(bodies: Vec<(Participant, Carrier)>, file: impl Into<PathBuf>) -> Result<Self> {
-        let of =
-            |(participant, carrier): &(Participant, Carrier)| (carrier.clone(), participant.paper.is_some());
-        let named = bodies.iter().map(|body| {
-            let (carrier, leads) = of(body);
-            (body.0.name.as_str(), carrier, leads)
-        });
-        let frames = MeshFrames::new("paper", named, file.into())?;
-        let participants = bodies.into_iter().map(|(participant, _)| participant).collect();
-        Ok(Self { analyser: Analyser::new(participants), frames, known: Vec::new(), over: false })
-    }
-
-    /// Takes the regions of a sheet, by its number, from a file.
-    ///
-    /// # Errors
-    /// A file that cannot be read.
-    pub fn known(mut self, object: usize, path: &Path) -> Result<Self> {
-        self.known.push(Known::open(object, path)?);
-        Ok(self)
+    /// An object without a mesh; a file of regions that cannot be read, or of what is no sheet.
+    pub fn new(bodies: Vec<Body>, scene: impl Into<PathBuf>) -> Result<Self> {
+        let scene = scene.into();
+        if let Some(body) = bodies.iter().find(|body| body.regions.is_some() && body.paper.is_none()) {
+            return Err(Error::new("it has regions and is no paper")
+                .at(Place::Part(body.name.clone()))
+                .in_file(scene));
+        }
+        let objects: Vec<_> = bodies.iter().map(|body| (body.name.clone(), body.paper.is_some())).collect();
+        let files = bodies.iter().map(|body| body.regions.as_deref().map(Regions::open).transpose());
+        let files = files.collect::<Result<_>>()?;
+        let split = |body: Body| (Participant { name: body.name, paper: body.paper }, body.carrier);
+        let (participants, carriers): (Vec<_>, Vec<Carrier>) = bodies.into_iter().map(split).unzip();
+        let sheets = Sheets { analyser: Analyser::new(participants), files };
+        MovingMeshes::new(sheets, carriers, &objects, scene, "paper").map(Self)
     }
 
     /// The objects, in the order of their numbers.
     pub fn participants(&self) -> &[Participant] {
-        self.analyser.participants()
-    }
-
-    /// Feeds the next frame.
-    fn step(&mut self) -> Result<()> {
-        let Some(time_s) = self.frames.advance()? else {
-            self.over = true;
-            return Ok(());
-        };
-        for known in &mut self.known {
-            if let Some(partition) = known.at(time_s)? {
-                self.analyser.give(known.object, partition)?;
-            }
-        }
-        self.analyser.feed(time_s, self.frames.meshes())
+        self.0.analyser.analyser.participants()
     }
 }
 
-impl Iterator for MovingPaper {
-    type Item = Result<Event>;
+impl Analyse for Sheets {
+    type Told = Told;
 
-    fn next(&mut self) -> Option<Self::Item> {
-        loop {
-            if let Some(event) = self.analyser.next_event() {
-                return Some(Ok(event));
-            }
-            if self.over {
-                return None;
-            }
-            if let Err(fault) = self.step() {
-                self.over = true;
-                return Some(Err(fault.in_file(self.frames.file.clone())));
+    fn feed(&mut self, time_s: f64, meshes: &[Mesh]) -> Result<()> {
+        for (object, file) in self.files.iter_mut().enumerate() {
+            if let (Some(file), Some(mesh)) = (file, meshes.get(object))
+                && let Some(partition) = file.at(time_s, mesh)?
+            {
+                self.analyser.give(object, partition.clone())?;
             }
         }
+        self.analyser.feed(time_s, meshes)
+    }
+
+    fn told(&mut self) -> Option<Told> {
+        let event = self.analyser.next_event().map(Told::Event);
+        event.or_else(|| self.analyser.next_restart().map(Told::Restart))
+    }
+
+    /// Nothing is left.
+    fn finish(&mut self) {}
+}
+
+impl Iterator for MovingPaper {
+    type Item = Result<Told>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.0.next()
     }
 }
 
@@ -136,22 +187,19 @@ fn settings(paper: &Paper) -> PaperSettings {
 /// # Errors
 /// An object of paper without a mesh, regions that cannot be read; what cannot be read, later on.
 pub fn events(scene: &Scene, world: &World) -> Result<impl Iterator<Item = Result<Event>> + Send + use<>> {
-    let mut regions: Vec<(usize, &Path)> = Vec::new();
-    let mut sheets = Vec::new();
-    for Body { name, carrier, material } in
-        mesh_frames::bodies(scene, world, "paper", |material| material.paper.is_some())?
+    let mut bodies = Vec::new();
+    for Sheet { name, carrier, material } in
+        sheets(scene, world, "paper", |material| material.paper.is_some())?
     {
         let paper = material.and_then(|material| material.paper.as_ref());
-        let file = paper.and_then(|paper| paper.regions.as_ref());
-        regions.extend(file.map(|file| (sheets.len(), file.path.as_path())));
-        sheets.push((Participant { name: name.to_owned(), paper: paper.map(settings) }, carrier));
+        let regions = paper.and_then(|paper| Some(paper.regions.as_ref()?.path.clone()));
+        bodies.push(Body { name: name.to_owned(), paper: paper.map(settings), regions, carrier });
     }
-    let moving = match sheets.iter().any(|(participant, _)| participant.paper.is_some()) {
-        true => {
-            let moving = MovingPaper::new(sheets, &scene.file)?;
-            Some(regions.into_iter().try_fold(moving, |moving, (object, path)| moving.known(object, path))?)
-        }
-        false => None,
-    };
-    Ok(moving.into_iter().flatten())
+    let any = bodies.iter().any(|body| body.paper.is_some());
+    let moving = if any { Some(MovingPaper::new(bodies, &scene.file)?) } else { None };
+    Ok(moving.into_iter().flatten().filter_map(|told| match told {
+        Ok(Told::Event(event)) => Some(Ok(event)),
+        Ok(Told::Restart(_)) => None,
+        Err(fault) => Some(Err(fault)),
+    }))
 }

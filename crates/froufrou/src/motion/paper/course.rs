@@ -28,6 +28,11 @@ impl Course {
         (zero_s, (zero - self.value(zero_s - RATE_S)) / RATE_S)
     }
 
+    /// The rate at which it came to where it is now.
+    pub fn rate(&self) -> f64 {
+        self.at.last().map_or(0.0, |&(now_s, now)| (now - self.value(now_s - RATE_S)) / RATE_S)
+    }
+
     /// What it was at a time; before the first frame it was as it is there.
     fn value(&self, time_s: f64) -> f64 {
         let next = self.at.partition_point(|&(at_s, _)| at_s < time_s);
@@ -63,6 +68,7 @@ mod tests {
             let last = (0.313 * rate_hz) as i32;
             let course = Course::new((0..=last).map(at), at(last + 1));
             let (zero_s, rate) = course.crossing();
+            assert!((course.rate() - 3.0).abs() < 1e-9);
             assert!((zero_s - 0.313).abs() < 1e-12 && (rate - 3.0).abs() < 1e-9, "{rate_hz} {zero_s} {rate}");
             assert!(course.goes_on(0.149) && !course.goes_on(0.151));
             assert!(course.swings(1.0) && !course.swings(2.0));

@@ -338,7 +338,7 @@ impl Crumpling {
             };
             let first_s =
                 self.open.iter_mut().filter(near).map(|open| open.first_s).fold(now.last_s, f64::min);
-            let Some(flip) = self.heard(now, vertices, positive, first_s) else { continue };
+            let Some(flip) = self.heard(now, vertices, positive, first_s, true) else { continue };
             for open in self.open.iter_mut().filter(near) {
                 open.told_s = Some(flip.time_s);
             }
@@ -372,6 +372,8 @@ impl Crumpling {
             let level = -sign * open.turned;
             let is_over = !open.is_late && before < 0.0 && after >= 0.0 && !waits();
             let is_all_over = !open.is_late && level > 0.0 && before < level && after >= level && waits();
+            // What has just flipped trembles.
+            let trembles = |&v: &u32| time_s - self.states[v as usize].told_s <= GAP_S;
             let springs = || {
                 let moves: f64 = open.bow.iter().map(|&v| gain(v).max(0.0)).sum();
                 let crosses: f64 = open.crossed.iter().map(|&v| gain(v)).sum();
@@ -379,13 +381,13 @@ impl Crumpling {
             };
             if is_over || is_all_over {
                 told.push((at, true, open.bow.clone()));
-            } else if open.last_s == time_s && springs() {
+            } else if open.last_s == time_s && springs() && !open.crossed.iter().any(trembles) {
                 told.push((at, false, open.crossed.clone()));
             }
         }
         for (at, is_bow, vertices) in told {
             let Open { positive, first_s, .. } = self.open[at];
-            let Some(flip) = self.heard(now, vertices, positive, first_s) else {
+            let Some(flip) = self.heard(now, vertices, positive, first_s, is_bow) else {
                 // It drifts over; what begins to cross from now on is another.
                 if is_bow {
                     self.open[at].last_s = f64::NEG_INFINITY;
@@ -402,7 +404,14 @@ impl Crumpling {
     }
 
     /// The flip of some vertices, if it is one that can be heard.
-    fn heard(&self, now: Now<'_>, vertices: Vec<u32>, positive: bool, first_s: f64) -> Option<Flip> {
+    fn heard(
+        &self,
+        now: Now<'_>,
+        vertices: Vec<u32>,
+        positive: bool,
+        first_s: f64,
+        is_bow: bool,
+    ) -> Option<Flip> {
         let Now { time_s, lie, mean_per_m, .. } = now;
         let sign = if positive { 1.0 } else { -1.0 };
         let before = self.last.iter().map(|(frame_s, h)| (*frame_s, sign * integral(lie, &vertices, h)));
@@ -413,7 +422,9 @@ impl Crumpling {
             greatest += own * self.states[v as usize].greatest(first_s);
             area += own;
         }
-        let (told_s, energy_mps) = course.crossing();
+        let (told_s, rate_mps) = course.crossing();
+        // A bow goes on as it comes; a dent is small before it springs.
+        let energy_mps = if is_bow { rate_mps } else { course.rate() };
         let is_heard = energy_mps > 0.0
             && energy_mps >= self.least_energy_mps
             && course.goes_on(area * self.flat_per_m)

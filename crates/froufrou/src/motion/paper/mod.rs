@@ -69,7 +69,7 @@ impl Default for PaperSettings {
             average_m: None,
             radius_m: 0.005,
             surroundings_m: None,
-            threshold_mps: 0.02,
+            threshold_mps: 0.03,
             least_energy_mps: 0.1,
             held: Vec::new(),
         }

@@ -16,6 +16,7 @@ use serde::Deserialize;
 
 use super::sheet::{Lie, NONE, Sheet};
 use crate::motion::cloth::triangulation::Triangulation;
+use crate::scene::animation::Mesh;
 use crate::{Error, Place, Result};
 
 /// The longest line that is read, in bytes.
@@ -80,7 +81,7 @@ impl Partition {
         surface: &Triangulation,
         lie: &Lie,
     ) -> Result<Given> {
-        self.check(faces, surface.vertex_count())?;
+        self.check_counts(faces, surface.vertex_count())?;
         let mut region_of = vec![NONE; faces];
         for (number, region) in self.regions.iter().enumerate() {
             region.faces.iter().for_each(|&face| region_of[face as usize] = number as u32);
@@ -105,7 +106,15 @@ impl Partition {
         Ok(Given { of, is_curved, rulings })
     }
 
-    fn check(&self, faces: usize, vertices: usize) -> Result<()> {
+    /// Whether it is that of a mesh.
+    ///
+    /// # Errors
+    /// A face or vertex that is not there, a face in two regions or in none, a curved region without rulings.
+    pub fn check(&self, mesh: &Mesh) -> Result<()> {
+        self.check_counts(mesh.face_sizes.len(), mesh.positions.len())
+    }
+
+    fn check_counts(&self, faces: usize, vertices: usize) -> Result<()> {
         let mut region_of = vec![NONE; faces];
         for (number, region) in self.regions.iter().enumerate() {
             if region.kind == Kind::Curved && region.rulings.is_empty() {

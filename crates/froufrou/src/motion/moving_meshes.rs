@@ -1,0 +1,148 @@
+//! Meshes of a scene, fed to an analyser frame by frame.
+
+use std::path::PathBuf;
+
+use rayon::prelude::*;
+
+use crate::scene::Scene;
+use crate::scene::animation::{Mesh, Topology};
+use crate::scene::file::Material;
+use crate::scene::world::{Carrier, World};
+use crate::{Error, Place, Result};
+
+/// What looks at meshes.
+pub(super) trait Analyse {
+    /// What it tells.
+    type Told;
+
+    /// Takes the next frame: its time, and the mesh of each object in their order.
+    fn feed(&mut self, time_s: f64, meshes: &[Mesh]) -> Result<()>;
+
+    /// What is ready, one after the other.
+    fn told(&mut self) -> Option<Self::Told>;
+
+    /// Ends it: what was not settled is ready then.
+    fn finish(&mut self);
+}
+
+/// Frames of some objects. It ends after its first error.
+///
+/// Frames are those of the leading object with the most of them; other meshes are asked where they are then. It holds
+/// what its analyser holds, and one frame of all meshes.
+pub(super) struct MovingMeshes<A> {
+    pub analyser: A,
+    pub carriers: Vec<Carrier>,
+    /// The carrier whose frames are taken.
+    leading: usize,
+    next_s: Option<f64>,
+    meshes: Vec<Mesh>,
+    file: PathBuf,
+    over: bool,
+}
+
+impl<A: Analyse> MovingMeshes<A> {
+    /// Begins with what carries the meshes of objects, each with its name and whether it may lead; `file` is the
+    /// scene, which messages name, and `what` they are looked at for.
+    ///
+    /// # Errors
+    /// An object without a mesh.
+    pub fn new(
+        analyser: A,
+        carriers: Vec<Carrier>,
+        objects: &[(String, bool)],
+        file: PathBuf,
+        what: &str,
+    ) -> Result<Self> {
+        let none = carriers.iter().position(|carrier| carrier.topology() == Topology::None);
+        if let Some((name, _)) = none.and_then(|index| objects.get(index)) {
+            return Err(Error::new(format!("{what} cannot touch it: it has no mesh"))
+                .at(Place::Part(name.clone()))
+                .in_file(file));
+        }
+        let may_lead = objects.iter().zip(&carriers).enumerate().filter(|(_, ((_, leads), _))| *leads);
+        let counts = may_lead.map(|(index, (_, carrier))| (index, carrier.key_count()));
+        // Of those with as many the first.
+        let leading = counts.max_by_key(|&(index, count)| (count, std::cmp::Reverse(index)));
+        let leading = leading.map(|(index, _)| index);
+        let first = |index: usize| carriers.get(index)?.next_key_s(f64::MIN);
+        Ok(Self {
+            analyser,
+            next_s: leading.and_then(first),
+            leading: leading.unwrap_or_default(),
+            meshes: vec![Mesh::default(); carriers.len()],
+            carriers,
+            file,
+            over: false,
+        })
+    }
+
+    /// Feeds the next frame.
+    fn step(&mut self) -> Result<()> {
+        let Some(time_s) = self.next_s else {
+            self.over = true;
+            self.analyser.finish();
+            return Ok(());
+        };
+        let read = |(carrier, mesh): (&Carrier, &mut Mesh)| carrier.mesh(time_s, mesh);
+        let read: Vec<Result<()>> = self.carriers.par_iter().zip(&mut self.meshes).map(read).collect();
+        read.into_iter().collect::<Result<()>>()?;
+        self.analyser.feed(time_s, &self.meshes)?;
+        self.next_s = self.carriers[self.leading].next_key_s(time_s);
+        Ok(())
+    }
+}
+
+impl<A: Analyse> Iterator for MovingMeshes<A> {
+    type Item = Result<A::Told>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(told) = self.analyser.told() {
+                return Some(Ok(told));
+            }
+            if self.over {
+                return None;
+            }
+            if let Err(fault) = self.step() {
+                self.over = true;
+                return Some(Err(fault.in_file(self.file.clone())));
+            }
+        }
+    }
+}
+
+/// Something in a scene that has a mesh.
+pub(super) struct Sheet<'a> {
+    pub name: &'a str,
+    pub carrier: Carrier,
+    pub material: Option<&'a Material>,
+}
+
+/// All that has a mesh in a scene; swarms are left out.
+///
+/// # Errors
+/// An object whose material is `of` a kind that needs a mesh, and has none; `what` that is.
+pub(super) fn sheets<'a>(
+    scene: &'a Scene,
+    world: &'a World,
+    what: &str,
+    of: impl Fn(&Material) -> bool,
+) -> Result<Vec<Sheet<'a>>> {
+    let mut found = Vec::new();
+    for (object, members) in scene.objects.iter().zip(&world.objects) {
+        let material = object.material.and_then(|index| scene.materials.get(index));
+        for member in members {
+            let carrier = member.carrier.as_ref().filter(|_| object.swarm.is_none());
+            let carrier = carrier.filter(|carrier| carrier.topology() != Topology::None);
+            if carrier.is_none() && material.is_some_and(&of) {
+                return Err(Error::new(format!("it is of {what} and has no mesh"))
+                    .at(Place::Part(member.name.clone()))
+                    .in_file(&scene.file)
+                    .help("give it a `source` that names a mesh"));
+            }
+            let body = |carrier: &Carrier| Sheet { name: &member.name, carrier: carrier.clone(), material };
+            found.extend(carrier.map(body));
+        }
+    }
+    Ok(found)
+}
