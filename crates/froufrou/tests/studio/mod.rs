@@ -9,7 +9,7 @@ use froufrou::Result;
 use froufrou::render::offline::{self, Extent};
 use froufrou::render::production::{ChannelLines, Production, open_score};
 use froufrou::scene::Scene;
-use froufrou::score::ChannelHeader;
+use froufrou::score::{ChannelHeader, ObjectWriter};
 use froufrou::synth::mixer::{Begun, Mixer};
 use froufrou::synth::prototypes::Soundings;
 use froufrou::synth::receivers;
@@ -147,6 +147,45 @@ impl Studio {
         path
     }
 
+    /// The point cache and the faces of a square sheet of so many cells along each side: where each of its vertices is at
+    /// a time, by its place from −0.5 to 0.5 on both sides.
+    pub fn sheet(
+        &self,
+        name: &str,
+        cells: usize,
+        (frames, fps): (usize, f64),
+        place: impl Fn(f64, [f64; 2]) -> [f64; 3],
+    ) {
+        let side = cells + 1;
+        let corner =
+            |i: usize| [(i % side) as f64 / cells as f64 - 0.5, (i / side) as f64 / cells as f64 - 0.5];
+        let mut bytes = b"POINTCACHE2\0".to_vec();
+        bytes.extend(1i32.to_le_bytes());
+        bytes.extend((side as i32 * side as i32).to_le_bytes());
+        bytes.extend(0f32.to_le_bytes());
+        bytes.extend(1f32.to_le_bytes());
+        bytes.extend((frames as i32).to_le_bytes());
+        for frame in 0..frames {
+            for i in 0..side * side {
+                let position = place(frame as f64 / fps, corner(i));
+                position.iter().for_each(|c| bytes.extend((*c as f32).to_le_bytes()));
+            }
+        }
+        std::fs::write(self.path(&format!("{name}.pc2")), bytes).unwrap();
+        let mut obj = String::new();
+        for i in 0..side * side {
+            let [x, z] = corner(i);
+            obj += &format!("v {x} 0 {z}\n");
+        }
+        for row in 0..cells {
+            for column in 0..cells {
+                let first = row * side + column + 1;
+                obj += &format!("f {first} {} {} {}\n", first + side, first + side + 1, first + 1);
+            }
+        }
+        self.file(&format!("{name}.obj"), &obj);
+    }
+
     pub fn production(&self, scene: &str) -> Result<Production> {
         Production::open(Scene::open(self.file("scene.toml", scene), false)?)
     }
@@ -156,6 +195,16 @@ impl Studio {
         let lines = production.channel_lines()?;
         let folder = &production.scene.folder;
         render(&production.channel_header(), folder, production.prototypes.clone(), lines, take)
+    }
+
+    /// A scene by way of its score in object space, written and read again.
+    pub fn staged(&self, scene: &str, take: Take) -> Result<Sound> {
+        let production = self.production(scene)?;
+        let mut writer = ObjectWriter::new(Vec::new(), &production.header)?;
+        for line in production.object_lines()? {
+            writer.write(&line?)?;
+        }
+        self.score(&String::from_utf8(writer.finish()?).expect("a score is text"), take)
     }
 
     pub fn score(&self, score: &str, take: Take) -> Result<Sound> {

@@ -33,6 +33,9 @@ pub(super) const PAPER: Keys = &[
 /// What is expected where a database is named.
 pub(super) const CORPUS: &str = "the folder of a database of paper, or a model such as \"synthetic/printer\"";
 
+/// Where nothing is said: what a sheet of A4 has that is bowed by a tenth and flips through.
+const REFERENCE_MPS: f64 = 2.0;
+
 /// The most vertices that are said to be held.
 const MOST_HELD: u64 = u32::MAX as u64;
 
@@ -62,7 +65,7 @@ pub(super) fn paper(node: &Node<'_, '_>, folder: &Folder) -> Result<Paper> {
         flat_rad: within("flat", 0.25, "radians", 0.0, 100.0)?,
         average_m: get("average").map(|node| node.within("metres", 0.0, 10.0)).transpose()?,
         least_energy_mps: within("least_energy", 0.02, "metres a second", 0.0, 1e9)?,
-        reference_energy_mps: within("reference_energy", 1.0, "metres a second", 1e-9, 1e9)?,
+        reference_energy_mps: within("reference_energy", REFERENCE_MPS, "metres a second", 1e-9, 1e9)?,
         slip: within("slip", 1.0, "a factor", 0.0, 100.0)?,
         tearing: within("tearing", 1.0, "a factor", 0.0, 1000.0)?,
         coherence: within("coherence", 1.0, "a number", 0.0, 1.0)?,

@@ -1,6 +1,7 @@
 //! Paper: what sounds as it crumples, rubs and tears (Schreck et al. 2016).
 //!
-//! A crumpling plays a clip for each resonator that it sets vibrating, in a thread of its own. All that rubs of a sheet
+//! A crumpling plays a clip for each resonator that it sets vibrating, in a thread of its own; resonators share its power
+//! by their areas. All that rubs of a sheet
 //! along what has one sound is one thread, which is told how loud each spectrum of the database is; and so is all that
 //! tears of it. Each is a small disk, a dipole across the paper.
 
@@ -26,7 +27,7 @@ use crate::{Error, Result};
 const CLIPS: u64 = 0x7061_0000_0000_0000;
 
 /// A resonator is louder or softer than the size it is taken for by this at most.
-const MOST_SIZE: f64 = 8.0;
+const MOST_SIZE: f64 = 2.0;
 
 /// How a piece of paper radiates: across itself.
 pub(super) fn radiation() -> Radiation {
@@ -125,7 +126,10 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         let number = self.sheet_number(&buckle.cloth);
         let loud = buckle.energy_mps / paper.reference_energy_mps;
         let gain = from_db(paper.crumple_db) * paper.reference_distance_m * loud;
+        let all_m2: f64 = buckle.resonators.iter().map(|resonator| resonator.area_m2).sum();
         for resonator in &buckle.resonators {
+            // Clips have nothing to do with one another: their powers add.
+            let share = if all_m2 > 0.0 { (resonator.area_m2 / all_m2).sqrt() } else { 1.0 };
             let random = Random::new(self.scene.seed ^ CLIPS, number);
             let (count, last) = self.stack.played.entry(buckle.cloth.clone()).or_default();
             let Some(clip) = sound.clip(resonator.ruling_m, resonator.border_m, *last, random, *count) else {
@@ -153,7 +157,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             let mut voice = Voice::at(start, resonator.position_m, begin_s);
             voice.place = Place::Carrier(facing(resonator.position_m, resonator.normal));
             voice.turns = true;
-            voice.gain = vec![(begin_s, tidy(gain * size(resonator, entry.ruling_m, entry.border_m)))];
+            voice.gain = vec![(begin_s, tidy(gain * share * size(resonator, entry.ruling_m, entry.border_m)))];
             voice.end_s = begin_s + entry.length_s;
             let grain = Grain { number: clip as u32, gain: 1.0, speed: 1.0, spread: 0.0 };
             voice.tell((begin_s, Action::Grain(grain)).into());
@@ -178,12 +182,15 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
                 sums.along += if sums.along.is_empty() { "" } else { ", " };
                 sums.along += &friction.other;
             }
+            let all_m2: f64 = friction.resonators.iter().map(|resonator| resonator.area_m2).sum();
             for resonator in &friction.resonators {
                 let spectrum = sound.spectrum(resonator.ruling_m, resonator.border_m);
                 let Some(number) = spectrum else { continue };
                 let entry = &sound.spectra()[number];
                 let size = size(resonator, entry.ruling_m, entry.border_m);
-                sums.add(number, friction.speed_mps * size, resonator);
+                // However many parts a sheet is found to have, it is no louder.
+                let share = if all_m2 > 0.0 { resonator.area_m2 / all_m2 } else { 1.0 };
+                sums.add(number, friction.speed_mps * size * share, resonator);
             }
         }
         for (name, sums) in gathered {
