@@ -140,10 +140,20 @@ impl Cached {
         }
         let mut steps = vec![0; 4 * channels];
         file.read_exact_at(&mut steps, head.len() as u64).ok()?;
-        let steps: Vec<f32> = steps.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+        let steps: Vec<f32> =
+            steps.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
         let (path, first) = (path_of(folder, name), (head.len() + 4 * channels) as u64);
         let is_whole = steps.iter().all(|step| step.is_finite() && *step >= 0.0);
-        is_whole.then_some(Self { name: name.to_owned(), path, channels, frames, file, file_path, first, steps })
+        is_whole.then_some(Self {
+            name: name.to_owned(),
+            path,
+            channels,
+            frames,
+            file,
+            file_path,
+            first,
+            steps,
+        })
     }
 }
 
