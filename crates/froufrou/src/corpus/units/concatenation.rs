@@ -6,9 +6,16 @@
 //! they have gains (1 − g) / n and g / n with n² = g² + (1 − g)² + 2 ρ g (1 − g). What is alike is added so that amplitudes
 //! stay, what is not so that energies do.
 //!
-//! A reach is at least 0.5 ms, in which nothing jumps, and at most 5 ms (half a period at 100 Hz, where recordings are
-//! high-passed) or half a unit. So a sample depends on its unit and on the neighbours of that alone: any stretch can be
-//! made by itself, and sound can be made as units come, one behind.
+//! A reach is at least 0.5 ms, and at most 5 ms (half a period at 100 Hz, where recordings are high-passed) or half a unit.
+//! So a sample depends on its unit and on the neighbours of that alone: any stretch can be made by itself, and sound can
+//! be made as units come, one behind.
+//!
+//! No sample of a fade is farther from the one before than S, the farthest that two samples of the recordings on either
+//! side are apart, silence before and after these included. A fade that would be steeper somewhere is held within S there
+//! and within what still reaches the other side in steps of S. That can always be done unless the two sides of a fade of
+//! N samples are more than (N + 1) S apart; then the fade is as long as it may be, and if that does not help, its steps
+//! are all alike. (Sound of frequency f steps by up to 2π f / rate of its amplitude, so that this takes recordings that are
+//! nowhere above about 100 Hz.) The beginning and the end of all are fades from and to silence.
 
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -43,6 +50,15 @@ pub trait Sound: Sync {
     /// # Errors
     /// Where the sound cannot be read.
     fn read(&self, stream: usize, channel: usize, from: i64, samples: &mut [f32]) -> Result<()>;
+
+    /// The farthest that two samples of a stream are apart that follow one another, as [`largest_step`] has it.
+    fn largest_step(&self, stream: usize, channel: usize) -> f32;
+}
+
+/// The farthest that two samples that follow one another are apart, of sound before and after which it is silent.
+pub fn largest_step(sound: &[f32]) -> f32 {
+    let ends = sound.first().into_iter().chain(sound.last()).map(|edge| edge.abs());
+    sound.windows(2).map(|pair| (pair[1] - pair[0]).abs()).chain(ends).fold(0.0, f32::max)
 }
 
 /// Makes sound of units.
@@ -53,35 +69,20 @@ pub struct Concatenation<'a> {
     most: usize,
 }
 
-/// What two neighbours have where they meet: `before` and `after` reach it.
+/// What becomes of two neighbours where they meet.
 struct Join {
-    /// The end of the unit before, and what comes after that.
-    left: Vec<f32>,
-    /// What comes before the unit after, and its beginning.
-    right: Vec<f32>,
-    /// How many samples lie before the place where they meet.
+    /// From the reach of the one after to that of the one before.
+    samples: Vec<f32>,
+    /// How many of them lie before the place where they meet.
     before: usize,
-    correlation: f64,
-}
-
-impl Join {
-    fn len(&self) -> usize {
-        self.left.len()
-    }
-
-    fn sample(&self, at: usize) -> f32 {
-        let g = 0.5 - 0.5 * (PI * (at as f64 + 0.5) / self.len() as f64).cos();
-        let h = 1.0 - g;
-        let norm = (g * g + h * h + 2.0 * self.correlation * g * h).sqrt();
-        ((h * f64::from(self.left[at]) + g * f64::from(self.right[at])) / norm) as f32
-    }
 }
 
 impl<'a> Concatenation<'a> {
     /// Units of so many samples.
     pub fn new(sound: &'a dyn Sound, unit_samples: usize, rate_hz: u32) -> Self {
         let samples = |seconds: f64| (seconds * f64::from(rate_hz)).round() as usize;
-        let most = samples(MOST_S).min(unit_samples / 2);
+        // A sample at least is left between two fades.
+        let most = samples(MOST_S).min(unit_samples.saturating_sub(1) / 2);
         Self { sound, unit: unit_samples, least: samples(LEAST_S).max(1).min(most), most }
     }
 
@@ -96,23 +97,31 @@ impl<'a> Concatenation<'a> {
         frames: usize,
         range: Range<usize>,
     ) -> Result<Vec<f32>> {
-        let range = range.start..range.end.min(frames).min(chosen.len() * self.unit).max(range.start);
-        let first = range.start / self.unit;
-        let last = range.end.div_ceil(self.unit).min(chosen.len());
-        let units: Vec<Result<Vec<f32>>> = (first..last.max(first))
+        let frames = frames.min(chosen.len() * self.unit);
+        let range = range.start.min(frames)..range.end.min(frames).max(range.start.min(frames));
+        // The end is a fade of its own, which looks at one sample before it.
+        let end = frames - self.most.min(frames);
+        let has_end = range.end > end;
+        let from = if has_end { range.start.min(end.saturating_sub(1)) } else { range.start };
+        let to = if has_end { frames } else { range.end };
+        let first = from / self.unit;
+        let units: Vec<Result<Vec<f32>>> = (first..to.div_ceil(self.unit).max(first))
             .into_par_iter()
             .map(|i| {
                 let before = i.checked_sub(1).map(|before| chosen[before]);
-                let mut samples = self.unit(before, chosen[i], chosen.get(i + 1).copied(), channel)?;
-                self.end(chosen[i], frames.min(chosen.len() * self.unit), i, &mut samples);
-                Ok(samples)
+                self.unit(before, chosen[i], chosen.get(i + 1).copied(), channel)
             })
             .collect();
         let mut out = Vec::with_capacity(units.len() * self.unit);
         for unit in units {
             out.extend(unit?);
         }
-        out.drain(..(range.start - first * self.unit).min(out.len()));
+        let start = first * self.unit;
+        out.truncate(to - start);
+        if has_end {
+            self.end(chosen, channel, &mut out, end - start);
+        }
+        out.drain(..range.start - start);
         out.truncate(range.len());
         Ok(out)
     }
@@ -134,42 +143,52 @@ impl<'a> Concatenation<'a> {
         match before {
             Some(before) if !self.follows(before, this) => {
                 let join = self.join(before, this, channel)?;
-                for (at, sample) in (join.before..join.len()).zip(&mut samples) {
-                    *sample = join.sample(at);
-                }
+                samples.iter_mut().zip(&join.samples[join.before..]).for_each(|(to, from)| *to = *from);
             }
             None if place.start > 0 => {
-                samples.iter_mut().enumerate().take(self.least).for_each(|(i, v)| *v *= self.fade(i));
+                let step = self.sound.largest_step(place.stream, channel);
+                let edge = self.edge(&samples[self.least..], step);
+                let (fading, after) = samples.split_at_mut(edge);
+                let length = fading.len();
+                fading.iter_mut().enumerate().for_each(|(i, v)| *v *= half_cosine(i, length) as f32);
+                hold(fading, 0.0, after.first().copied().unwrap_or_default(), step);
             }
             _ => {}
         }
         if let Some(after) = after.filter(|after| !self.follows(this, *after)) {
             let join = self.join(this, after, channel)?;
             let from = self.unit - join.before;
-            for (at, sample) in samples[from..].iter_mut().enumerate() {
-                *sample = join.sample(at);
-            }
+            samples[from..].copy_from_slice(&join.samples[..join.before]);
         }
         Ok(samples)
     }
 
-    /// Fades the end of all, unless the recording ends there too.
-    fn end(&self, unit: usize, frames: usize, number: usize, samples: &mut [f32]) {
-        let place = self.sound.place(unit);
-        let start = number * self.unit;
-        let last = frames.saturating_sub(start);
+    /// Fades the end of all, unless the recording ends there too; it is after a sample at the earliest.
+    fn end(&self, chosen: &[usize], channel: usize, samples: &mut [f32], earliest: usize) {
+        let Some(place) = chosen.last().map(|last| self.sound.place(*last)) else { return };
+        let last = (samples.len() - 1) % self.unit + 1;
         if place.start + last >= self.sound.frames(place.stream) {
             return;
         }
-        for (i, sample) in samples.iter_mut().enumerate() {
-            if start + i < frames && frames - start - i <= self.least {
-                *sample *= self.fade(frames - start - i - 1);
-            }
-        }
+        let step = self.sound.largest_step(place.stream, channel);
+        let most = samples.len() - earliest;
+        let least = self.least.min(most);
+        let edge = samples[..samples.len() - least].last().copied().unwrap_or_default();
+        let length = if self.is_near(edge, step) { least } else { most };
+        let (before, fading) = samples.split_at_mut(samples.len() - length);
+        fading.iter_mut().rev().enumerate().for_each(|(i, v)| *v *= half_cosine(i, length) as f32);
+        hold(fading, before.last().copied().unwrap_or_default(), 0.0, step);
     }
 
-    fn fade(&self, at: usize) -> f32 {
-        (0.5 - 0.5 * (PI * (at as f64 + 0.5) / self.least as f64).cos()) as f32
+    /// How long a fade from silence is to what comes after the shortest.
+    fn edge(&self, after: &[f32], step: f32) -> usize {
+        let is_near = self.is_near(after.first().copied().unwrap_or_default(), step);
+        if is_near { self.least } else { self.most }
+    }
+
+    /// True where the shortest fade gets from silence to a sample.
+    fn is_near(&self, sample: f32, step: f32) -> bool {
+        sample.abs() <= (self.least + 1) as f32 * step
     }
 
     fn follows(&self, first: usize, second: usize) -> bool {
@@ -179,25 +198,71 @@ impl<'a> Concatenation<'a> {
 
     fn join(&self, first: usize, second: usize, channel: usize) -> Result<Join> {
         let (a, b) = (self.sound.place(first), self.sound.place(second));
-        // As far either side as any of them may reach.
-        let mut left = vec![0.0; 2 * self.most + 1];
-        let mut right = vec![0.0; 2 * self.most + 1];
-        let most = self.most as i64;
-        self.sound.read(a.stream, channel, (a.start + self.unit) as i64 - most, &mut left)?;
-        self.sound.read(b.stream, channel, b.start as i64 - most, &mut right)?;
+        // As far either side as any of them may reach, and a sample more.
+        let room = 2 * self.most + 2;
+        let (mut left, mut right) = (vec![0.0; room], vec![0.0; room]);
+        let meet = self.most + 1;
+        self.sound.read(a.stream, channel, (a.start + self.unit) as i64 - meet as i64, &mut left)?;
+        self.sound.read(b.stream, channel, b.start as i64 - meet as i64, &mut right)?;
+        let step = self.sound.largest_step(a.stream, channel).max(self.sound.largest_step(b.stream, channel));
         let crosses = |x: f32, y: f32| (x <= 0.0) != (y <= 0.0) || y == 0.0;
         let reach = |crosses: &dyn Fn(usize) -> bool| {
             (self.least..=self.most).find(|&reach| crosses(reach)).unwrap_or(self.most)
         };
-        let after = reach(&|k| crosses(left[self.most + k - 1], left[self.most + k]));
-        let before = reach(&|k| k < self.most && crosses(right[self.most - k], right[self.most - k - 1]));
-        let part = |v: &[f32]| v[self.most - before..self.most + after].to_vec();
-        let (left, right) = (part(&left), part(&right));
-        let product =
-            |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum::<f64>();
-        let power = product(&left, &left) * product(&right, &right);
-        let correlation = if power > 0.0 { product(&left, &right) / power.sqrt() } else { 0.0 };
-        Ok(Join { left, right, before, correlation: correlation.clamp(0.0, 1.0) })
+        let mut after = reach(&|k| crosses(left[meet + k - 1], left[meet + k]));
+        let mut before = reach(&|k| crosses(right[meet - k], right[meet - k - 1]));
+        let reaches = |before: usize, after: usize| {
+            let apart = f64::from((right[meet + after] - left[meet - before - 1]).abs());
+            apart <= (before + after + 1) as f64 * f64::from(step)
+        };
+        if !reaches(before, after) {
+            (before, after) = (self.most, self.most);
+        }
+        let part = meet - before..meet + after;
+        let mut samples = cross_fade(&left[part.clone()], &right[part.clone()]);
+        hold(&mut samples, left[part.start - 1], right[part.end], step);
+        Ok(Join { samples, before })
+    }
+}
+
+/// From 0 to 1, along half a cosine.
+fn half_cosine(at: usize, length: usize) -> f64 {
+    0.5 - 0.5 * (PI * (at as f64 + 0.5) / length as f64).cos()
+}
+
+/// From one to the other, as the module has it.
+fn cross_fade(left: &[f32], right: &[f32]) -> Vec<f32> {
+    let product =
+        |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum::<f64>();
+    let power = product(left, left) * product(right, right);
+    let correlation = if power > 0.0 { product(left, right) / power.sqrt() } else { 0.0 }.clamp(0.0, 1.0);
+    let length = left.len();
+    let sample = |(at, (left, right)): (usize, (&f32, &f32))| {
+        let g = half_cosine(at, length);
+        let h = 1.0 - g;
+        let norm = (g * g + h * h + 2.0 * correlation * g * h).sqrt();
+        ((h * f64::from(*left) + g * f64::from(*right)) / norm) as f32
+    };
+    left.iter().zip(right).enumerate().map(sample).collect()
+}
+
+/// Holds samples between two others within steps of so much from one to the next, or of what it takes to get from one side
+/// to the other at all.
+fn hold(samples: &mut [f32], before: f32, after: f32, step: f32) {
+    // A little less, so that rounding does not make it more.
+    let peak = samples.iter().fold(before.abs().max(after.abs()), |peak, sample| peak.max(sample.abs()));
+    let step = (f64::from(step) - 2.0 * f64::from(f32::EPSILON * peak)).max(0.0);
+    let (mut last, after) = (f64::from(before), f64::from(after));
+    let mut left = samples.len() as f64;
+    for sample in samples {
+        let (least, most) = ((last - step).max(after - left * step), (last + step).min(after + left * step));
+        let held = match least <= most {
+            true => f64::from(*sample).clamp(least, most),
+            false => last + (after - last) / (left + 1.0),
+        };
+        *sample = held as f32;
+        last = f64::from(*sample);
+        left -= 1.0;
     }
 }
 
@@ -208,6 +273,7 @@ pub struct InMemory {
     unit: usize,
     /// The number of each stream's first unit.
     starts: Vec<usize>,
+    steps: Vec<f32>,
 }
 
 impl InMemory {
@@ -217,7 +283,8 @@ impl InMemory {
         for stream in &streams {
             starts.push(starts[starts.len() - 1] + stream.len().div_ceil(unit_samples));
         }
-        Self { streams, unit: unit_samples, starts }
+        let steps = streams.iter().map(|stream| largest_step(stream)).collect();
+        Self { streams, unit: unit_samples, starts, steps }
     }
 
     /// How many units each stream has.
@@ -252,6 +319,10 @@ impl Sound for InMemory {
     fn read(&self, stream: usize, _: usize, from: i64, samples: &mut [f32]) -> Result<()> {
         copy(&self.streams[stream], from, samples);
         Ok(())
+    }
+
+    fn largest_step(&self, stream: usize, _: usize) -> f32 {
+        self.steps[stream]
     }
 }
 

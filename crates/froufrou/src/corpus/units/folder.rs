@@ -371,6 +371,11 @@ impl Sound for Corpus {
         let Stream { recording, channel: own } = self.streams[stream];
         self.recordings[recording].read(own.unwrap_or(channel), from, samples)
     }
+
+    fn largest_step(&self, stream: usize, channel: usize) -> f32 {
+        let Stream { recording, channel: own } = self.streams[stream];
+        self.recordings[recording].largest_step(own.unwrap_or(channel))
+    }
 }
 
 /// A folder as it is called from a corpus, which need not be there yet.

@@ -1,3 +1,5 @@
+use proptest::prelude::*;
+
 use super::*;
 use crate::corpus::units::features::Extractor;
 use crate::corpus::units::high_pass::HighPass;
@@ -27,10 +29,6 @@ fn rustle(seed: u64, samples: usize) -> Vec<f32> {
         .collect();
     HighPass::new(100.0, RATE_HZ).unwrap().process(&mut sound);
     sound
-}
-
-fn largest_step(sound: &[f32]) -> f32 {
-    sound.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f32::max)
 }
 
 #[test]
@@ -71,7 +69,7 @@ fn no_step_is_larger_than_those_of_the_recordings() {
         // Even noise: every unit is as loud as the recording.
         let random = Random::new(seed, 1);
         let mut value = [0.0f64; 3];
-        let mut sound: Vec<f32> = (0..400_000)
+        let mut sound: Vec<f32> = (0..100_000)
             .map(|i| {
                 value[0] += 0.25 * (random.normal(i) - value[0]);
                 value[1] += 0.25 * (value[0] - value[1]);
@@ -170,4 +168,64 @@ fn loudness_follows_the_target_without_lag() {
     };
     let best = (-500..=500i64).step_by(20).max_by(|a, b| fit(*a).total_cmp(&fit(*b))).unwrap();
     assert!(best.unsigned_abs() < UNIT as u64, "lag {best}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Tones, noise and clicks, loud and quiet, of units of any length: no step is larger than one of the recordings has.
+    #[test]
+    fn no_step_is_ever_larger(
+        seed in 0u64..1_000_000,
+        unit in 1usize..500,
+        hz in 120.0f64..20_000.0,
+        noise in prop_oneof![Just(0.0), 0.0f64..1.0],
+        clicks in 0usize..20,
+        cut in 0usize..500,
+        offset in prop_oneof![Just(0.0f64), -0.1f64..0.1],
+    ) {
+        let random = Random::new(seed, 3);
+        let stream = |gain: f64, phase: f64| -> Vec<f32> {
+            let mut sound: Vec<f32> = (0..20 * unit + 7)
+                .map(|i| {
+                    let tone = (2.0 * PI * hz * i as f64 / f64::from(RATE_HZ) + phase).sin();
+                    (gain * (offset + tone + noise * random.normal(i as u64))) as f32
+                })
+                .collect();
+            for click in 0..clicks as u64 {
+                let at = random.below(900_000 + click, sound.len());
+                sound[at] += gain as f32;
+            }
+            sound
+        };
+        let streams = vec![stream(1.0, 0.0), stream(0.1, 2.0), stream(1.0, 3.0)];
+        let largest = streams.iter().map(|stream| largest_step(stream)).fold(0.0, f32::max);
+        let gains = [1.0, 0.1, 1.0];
+        let relative = |of: &dyn Fn(&[f32]) -> f32| {
+            streams.iter().zip(gains).map(|(stream, gain)| of(stream) / gain).collect::<Vec<f32>>()
+        };
+        let slowest = relative(&largest_step).into_iter().fold(f32::INFINITY, f32::min);
+        let loudest = |stream: &[f32]| stream.iter().fold(0.0f32, |peak, v| peak.max(v.abs()));
+        let peak = relative(&loudest).into_iter().fold(0.0, f32::max);
+        let memory = InMemory::new(streams, unit);
+        let units: usize = memory.units().iter().sum();
+        let chosen: Vec<usize> = (0..40).map(|i| random.below(800_000 + i, units)).collect();
+        let concatenation = Concatenation::new(&memory, unit, RATE_HZ);
+        let frames = (40 * unit).saturating_sub(cut);
+        let made = concatenation.render(&chosen, 0, frames, 0..frames).unwrap();
+        prop_assert_eq!(made.len(), frames);
+        // Where a fade has room for it.
+        let fade = 2 * ((unit - 1) / 2).min(RATE_HZ as usize / 200) + 1;
+        if fade as f32 * slowest >= 2.0 * peak {
+            prop_assert!(largest_step(&made) <= largest, "{} {}", largest_step(&made), largest);
+        }
+    }
+}
+
+/// Where nothing can be as even as the recordings are, all steps of a fade are alike.
+#[test]
+fn what_cannot_be_reached_is_reached_evenly() {
+    let mut samples = [9.0, -9.0, 3.0];
+    hold(&mut samples, 1.0, -1.0, 0.1);
+    assert_eq!(samples, [0.5, 0.0, -0.5]);
 }

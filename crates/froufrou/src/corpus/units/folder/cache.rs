@@ -12,6 +12,7 @@ use super::{path_of, prepared};
 use crate::WholeFile;
 use crate::corpus::dictionary::packed::{self, Reader, Writer};
 use crate::corpus::recording::Recording;
+use crate::corpus::units::concatenation::largest_step;
 use crate::corpus::units::features::{Extractor, Features};
 use crate::corpus::units::settings::Settings;
 use crate::error::{Error, Place, Result};
@@ -22,7 +23,7 @@ const CACHE: &str = "cache";
 
 /// What the first lines of files say. Another way to compute what is in them asks for another number.
 const FEATURES: &str = "froufrou units 1";
-const SOUND: &str = "froufrou filtered 1";
+const SOUND: &str = "froufrou filtered 2";
 
 /// The file that tells which recordings are known.
 const STAMPS: &str = "units.json";
@@ -91,6 +92,8 @@ pub(super) struct Cached {
     file_path: PathBuf,
     /// The byte of the first sample.
     first: u64,
+    /// The largest step of each channel.
+    steps: Vec<f32>,
 }
 
 impl Cached {
@@ -116,6 +119,11 @@ impl Cached {
         Ok(())
     }
 
+    /// The farthest that two samples of a channel are apart that follow one another.
+    pub fn largest_step(&self, channel: usize) -> f32 {
+        self.steps[channel.min(self.steps.len() - 1)]
+    }
+
     /// Opens the sound in the cache, unless it is missing or damaged.
     fn open(folder: &Path, name: &str, file_path: PathBuf) -> Option<Self> {
         let file = PositionedFile::open(&file_path).ok()?;
@@ -125,11 +133,27 @@ impl Cached {
         let (numbers, _) = numbers.as_chunks::<8>();
         let channels = usize::try_from(u64::from_le_bytes(numbers[0])).ok()?;
         let frames = usize::try_from(u64::from_le_bytes(numbers[1])).ok()?;
-        let first = head.len() as u64;
-        let bytes = (channels as u64).checked_mul(frames as u64)?.checked_mul(4)?.checked_add(first)?;
-        let is_whole = channels > 0 && bytes == file.length();
-        let path = path_of(folder, name);
-        is_whole.then_some(Self { name: name.to_owned(), path, channels, frames, file, file_path, first })
+        let numbers = (channels as u64).checked_mul((frames as u64).checked_add(1)?)?;
+        let bytes = numbers.checked_mul(4)?.checked_add(head.len() as u64)?;
+        if channels == 0 || bytes != file.length() {
+            return None;
+        }
+        let mut steps = vec![0; 4 * channels];
+        file.read_exact_at(&mut steps, head.len() as u64).ok()?;
+        let steps: Vec<f32> =
+            steps.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+        let (path, first) = (path_of(folder, name), (head.len() + 4 * channels) as u64);
+        let is_whole = steps.iter().all(|step| step.is_finite() && *step >= 0.0);
+        is_whole.then_some(Self {
+            name: name.to_owned(),
+            path,
+            channels,
+            frames,
+            file,
+            file_path,
+            first,
+            steps,
+        })
     }
 }
 
@@ -216,6 +240,9 @@ fn write_sound(path: &Path, sounds: &[Vec<f32>]) -> Result<()> {
     file.write_all(format!("{SOUND}\n").as_bytes()).map_err(failed)?;
     for number in [sounds.len(), frames] {
         file.write_all(&(number as u64).to_le_bytes()).map_err(failed)?;
+    }
+    for sound in sounds {
+        file.write_all(&largest_step(sound).to_le_bytes()).map_err(failed)?;
     }
     for sample in sounds.iter().flatten() {
         file.write_all(&sample.to_le_bytes()).map_err(failed)?;
