@@ -894,7 +894,6 @@ const PAPER: &str = r#"froufrou-score 1 channel
 order time
 speed-of-sound 343
 duration 3
-seed 0
 channels m
 sound kraft paper "corpora/kraft"
 sound sheet paper "synthetic/printer" with coherence 0 slip 2

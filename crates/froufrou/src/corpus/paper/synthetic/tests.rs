@@ -80,8 +80,8 @@ fn pitch_hz(samples: &[f32], rate_hz: f64) -> f64 {
     let forward = planner.plan_fft_forward(samples.len());
     let (mut input, mut output) = (samples.to_vec(), forward.make_output_vec());
     forward.process(&mut input, &mut output).unwrap();
-    let magnitudes: Vec<f64> = output.iter().skip(1).map(|bin| f64::from(bin.norm())).collect();
-    centroid_hz(&magnitudes, rate_hz / samples.len() as f64)
+    let powers: Vec<f64> = output.iter().skip(1).map(|bin| f64::from(bin.norm_sqr())).collect();
+    centroid_hz(&powers, rate_hz / samples.len() as f64)
 }
 
 #[test]
