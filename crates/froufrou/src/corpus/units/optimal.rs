@@ -219,17 +219,22 @@ impl Program<'_> {
         for &chosen in candidates {
             // Ways are in order of their costs, so that the first that may go on are the cheapest, but for those that the
             // unit follows: they save a jump.
-            let mut jumping = 0;
+            let mut jumping: Vec<usize> = Vec::new();
             for (at, way) in last.iter().enumerate() {
                 let follows = self.index.follows(way.chosen.unit, chosen.unit);
-                if !follows && jumping >= self.ways {
-                    self.is_whole = self.is_whole && self.bars(number, at, chosen.unit);
+                if !follows && jumping.len() >= self.ways {
+                    // Nothing is lost by one that may not go on, or that costs more and bars the same.
+                    let alike = |kept: &usize| self.bar_alike(number, *kept as u32, at as u32);
+                    self.is_whole =
+                        self.is_whole && (self.bars(number, at, chosen.unit) || jumping.iter().any(alike));
                     continue;
                 }
                 if self.bars(number, at, chosen.unit) {
                     continue;
                 }
-                jumping += usize::from(!follows);
+                if !follows {
+                    jumping.push(at);
+                }
                 let cost = way.cost.plus(&chosen, !follows, self.settings);
                 ways.push(Way { chosen, cost, before: at as u32 });
             }
