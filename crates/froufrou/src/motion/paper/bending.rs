@@ -10,6 +10,7 @@
 //! it stays as flat, or as curved, as it is.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::sheet::{Edge, Lie, Sheet};
 use crate::motion::cloth::triangulation::Triangulation;
@@ -29,8 +30,15 @@ const MOST_ROUNDS: f64 = 24.0;
 /// Less often neither: one vertex alone knows little of its rulings.
 const LEAST_ROUNDS: f64 = 2.0;
 
-/// The upper half of a symmetric tensor: xx, yy, zz, xy, xz, yz.
-type Tensor = [f64; 6];
+/// How the sheet is bent about a vertex, in 1/m.
+#[derive(Debug, Clone, Copy, Default)]
+struct Bent {
+    /// The upper half of a symmetric tensor: xx, yy, zz, xy, xz, yz.
+    tensor: [f32; 6],
+    mean_per_m: f32,
+    /// 0 at a crease, else 1.
+    free: f32,
+}
 
 /// How a sheet is bent in one frame.
 #[derive(Debug, Clone, Default)]
@@ -42,11 +50,10 @@ pub(super) struct Bending {
     candidates: Vec<bool>,
     /// Whether each vertex is at a crease.
     at_crease: Vec<bool>,
-    tensors: Vec<Tensor>,
-    room: Vec<Tensor>,
+    at: Vec<Bent>,
+    room: Vec<Bent>,
     /// Of each vertex: the mean curvature, in 1/m, above 0 where the sheet is convex.
     pub mean_per_m: Vec<f64>,
-    mean_room: Vec<f64>,
     /// Of each face: the direction of its ruling, of length 1 or 0, and the curvature across it in 1/m.
     pub rulings: Vec<DVec3>,
     pub curvatures: Vec<f64>,
@@ -124,66 +131,67 @@ impl Bending {
 
     /// Gives each vertex the half of what turns at its edges.
     fn gather(&mut self, sheet: &Sheet, lie: &Lie) {
-        self.tensors.clear();
-        self.tensors.resize(sheet.vertex_count, [0.0; 6]);
-        self.mean_per_m.clear();
-        self.mean_per_m.resize(sheet.vertex_count, 0.0);
+        self.at.clear();
+        let begin = |&at_crease: &bool| Bent { free: if at_crease { 0.0 } else { 1.0 }, ..Bent::default() };
+        self.at.extend(self.at_crease.iter().map(begin));
         for (index, edge) in sheet.edges.iter().enumerate() {
             let (angle, length) = (lie.angles[index], lie.lengths[index]);
             if angle == 0.0 || length == 0.0 {
                 continue;
             }
             let turned = 0.5 * angle * length;
-            for &v in &edge.ends {
-                self.mean_per_m[v as usize] += 0.5 * turned;
-            }
-            if self.is_crease[index] {
-                continue;
-            }
             let along = (lie.points[edge.ends[1] as usize] - lie.points[edge.ends[0] as usize]) / length;
             let [x, y, z] = along.to_array();
-            let tensor = [x * x, y * y, z * z, x * y, x * z, y * z].map(|c| c * turned);
+            let weight = if self.is_crease[index] { 0.0 } else { turned };
+            let tensor = [x * x, y * y, z * z, x * y, x * z, y * z].map(|c| (c * weight) as f32);
             for &v in &edge.ends {
-                for (sum, c) in self.tensors[v as usize].iter_mut().zip(tensor) {
+                let bent = &mut self.at[v as usize];
+                bent.mean_per_m += (0.5 * turned) as f32;
+                for (sum, c) in bent.tensor.iter_mut().zip(tensor) {
                     *sum += c;
                 }
             }
         }
-        for (vertex, &area) in lie.vertex_areas.iter().enumerate() {
-            let per_area = if area > 0.0 { 1.0 / area } else { 0.0 };
-            self.mean_per_m[vertex] *= per_area;
-            self.tensors[vertex] = self.tensors[vertex].map(|c| c * per_area);
+        for (bent, &area) in self.at.iter_mut().zip(&lie.vertex_areas) {
+            let per_area = if area > 0.0 { (1.0 / area) as f32 } else { 0.0 };
+            bent.mean_per_m *= per_area;
+            bent.tensor = bent.tensor.map(|c| c * per_area);
         }
     }
 
+    /// The mean over a vertex and its neighbours, by area, again and again.
     fn average(&mut self, surface: &Triangulation, lie: &Lie) {
-        let areas = &lie.vertex_areas;
+        let areas: Vec<f32> = lie.vertex_areas.iter().map(|&area| area as f32).collect();
         for _ in 0..self.rounds {
-            self.room.clear();
-            self.mean_room.clear();
-            for vertex in 0..areas.len() {
+            let (at, areas) = (&self.at, &areas);
+            let mean = |vertex: usize| {
                 let own = areas[vertex];
-                let mut sum = self.tensors[vertex].map(|c| c * own);
-                let mut mean = own * self.mean_per_m[vertex];
-                let (mut area, mut mean_area) = (own, own);
+                let mut sum = at[vertex].tensor.map(|c| c * own);
+                let (mut mean, mut area, mut free_area) = (own * at[vertex].mean_per_m, own, own);
                 for &other in surface.ring(vertex as u32) {
-                    let part = areas[other as usize];
-                    mean += part * self.mean_per_m[other as usize];
-                    mean_area += part;
+                    let (other, part) = (&at[other as usize], areas[other as usize]);
+                    mean += part * other.mean_per_m;
+                    area += part;
                     // What lies at a crease belongs to both of its sides.
-                    if !self.at_crease[other as usize] {
-                        for (sum, c) in sum.iter_mut().zip(&self.tensors[other as usize]) {
-                            *sum += part * c;
-                        }
-                        area += part;
+                    let part = part * other.free;
+                    free_area += part;
+                    for (sum, c) in sum.iter_mut().zip(&other.tensor) {
+                        *sum += part * c;
                     }
                 }
-                self.room.push(if area > 0.0 { sum.map(|c| c / area) } else { [0.0; 6] });
-                self.mean_room.push(if mean_area > 0.0 { mean / mean_area } else { 0.0 });
-            }
-            std::mem::swap(&mut self.tensors, &mut self.room);
-            std::mem::swap(&mut self.mean_per_m, &mut self.mean_room);
+                let per = |area: f32| if area > 0.0 { 1.0 / area } else { 0.0 };
+                let per_free = per(free_area);
+                Bent {
+                    tensor: sum.map(|c| c * per_free),
+                    mean_per_m: mean * per(area),
+                    free: at[vertex].free,
+                }
+            };
+            (0..at.len()).into_par_iter().with_min_len(4096).map(mean).collect_into_vec(&mut self.room);
+            std::mem::swap(&mut self.at, &mut self.room);
         }
+        self.mean_per_m.clear();
+        self.mean_per_m.extend(self.at.iter().map(|bent| f64::from(bent.mean_per_m)));
     }
 
     /// Finds the rulings of all faces.
@@ -197,8 +205,8 @@ impl Bending {
                 if free > 0 && self.at_crease[v as usize] {
                     continue;
                 }
-                for (sum, c) in tensor.iter_mut().zip(&self.tensors[v as usize]) {
-                    *sum += c / if free > 0 { free as f64 } else { 3.0 };
+                for (sum, &c) in tensor.iter_mut().zip(&self.at[v as usize].tensor) {
+                    *sum += f64::from(c) / if free > 0 { free as f64 } else { 3.0 };
                 }
             }
             let (ruling, curvature) = across(tensor, lie.normals[face]);
@@ -209,7 +217,7 @@ impl Bending {
 }
 
 /// The direction in a plane in which a tensor is largest, and how large it is there.
-fn across(tensor: Tensor, normal: DVec3) -> (DVec3, f64) {
+fn across(tensor: [f64; 6], normal: DVec3) -> (DVec3, f64) {
     if normal == DVec3::ZERO {
         return (DVec3::ZERO, 0.0);
     }
