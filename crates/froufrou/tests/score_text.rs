@@ -917,7 +917,7 @@ fn paper_reads_and_writes() {
     assert!(score.header.sounds.iter().take(2).all(|sound| sound.make.kind() == "paper"));
     for (from, to, expected) in [
         ("paper \"corpora/kraft\"", "paper", "expected the folder of the database, or a model"),
-        ("paper \"corpora/kraft\"", "paper \"\"", "the sound kraft has no corpus"),
+        ("paper \"corpora/kraft\"", "paper \"\"", "the sound `kraft` has no corpus"),
         ("slip 2", "slip", "expected the value"),
     ] {
         let wrong = PAPER.replacen(from, to, 1);
