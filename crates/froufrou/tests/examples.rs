@@ -2,9 +2,10 @@
 
 mod studio;
 
-use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 
+use froufrou::corpus::paper::PaperSound;
 use froufrou::motion::event::Event;
 use froufrou::motion::rub::Rubbing;
 use froufrou::render::production::Production;
@@ -477,4 +478,54 @@ fn the_skirt_swishes_along_the_dancer_and_pops() {
     levels.sort_by(f64::total_cmp);
     let (quiet, loud) = (levels[levels.len() / 5], levels[levels.len() * 9 / 10]);
     assert!(loud > quiet + 12.0, "{quiet} {loud}");
+}
+
+#[test]
+fn paper_that_flips_five_times_flaps_five_times() {
+    let starts = starts(&open("paper-flip"));
+    let loudest = starts.iter().map(|(.., gain)| *gain).fold(0.0, f64::max);
+    let loud: Vec<&(f64, Start, f64)> = starts.iter().filter(|(.., gain)| *gain > 0.5 * loudest).collect();
+    assert_eq!(loud.len(), 5, "{loud:?}");
+    for ((time_s, start, _), flip_s) in loud.into_iter().zip([1.2, 2.0, 2.8, 3.6, 4.4]) {
+        // Clips begin some milliseconds before.
+        assert!((time_s + 0.01 - flip_s).abs() < 0.03, "{time_s}");
+        assert!(start.cause.contains("sheet crumples") && start.object == "sheet", "{start:?}");
+    }
+}
+
+#[test]
+fn paper_rubs_as_it_is_held_and_then_as_it_is_free() {
+    let production = open("paper-slide");
+    let paper = PaperSound::named("synthetic/printer", Path::new("")).unwrap();
+    // How much of what sounds is unconstrained, by tenths of a second.
+    let mut free: BTreeMap<usize, [f64; 2]> = BTreeMap::new();
+    for line in production.object_lines().unwrap() {
+        let ObjectLine::Cue(cue) = line.unwrap() else { continue };
+        let Action::Set(values) = cue.action else { continue };
+        for (name, value) in values {
+            let number: usize = name.trim_start_matches("friction-").parse().unwrap();
+            let is_free = paper.spectra()[number].border_m > 0.0;
+            free.entry((10.0 * cue.time_s) as usize).or_default()[usize::from(is_free)] += value;
+        }
+    }
+    let share = |from: usize, to: usize| {
+        let [held, loose] =
+            free.range(from..to).fold([0.0; 2], |sum, (_, of)| [sum[0] + of[0], sum[1] + of[1]]);
+        loose / (held + loose)
+    };
+    assert!(share(0, 15) < 0.05 && share(31, 44) > 0.8, "{} {}", share(0, 15), share(31, 44));
+    let sound = render("paper-slide");
+    let still = &sound.channel(0)[(4.75 * RATE_HZ) as usize..];
+    assert!(still.iter().all(|s| s.abs() < 1e-6), "silent when still");
+}
+
+#[test]
+fn the_wall_mirrors_the_paper() {
+    let production = open("paper-wall");
+    let paths: BTreeSet<u32> = production
+        .channel_lines()
+        .unwrap()
+        .filter_map(|line| line.unwrap().statement().map(|line| line.path))
+        .collect();
+    assert_eq!(paths, BTreeSet::from([0, 1]));
 }

@@ -157,7 +157,8 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             let mut voice = Voice::at(start, resonator.position_m, begin_s);
             voice.place = Place::Carrier(facing(resonator.position_m, resonator.normal));
             voice.turns = true;
-            voice.gain = vec![(begin_s, tidy(gain * share * size(resonator, entry.ruling_m, entry.border_m)))];
+            voice.gain =
+                vec![(begin_s, tidy(gain * share * size(resonator, entry.ruling_m, entry.border_m)))];
             voice.end_s = begin_s + entry.length_s;
             let grain = Grain { number: clip as u32, gain: 1.0, speed: 1.0, spread: 0.0 };
             voice.tell((begin_s, Action::Grain(grain)).into());
