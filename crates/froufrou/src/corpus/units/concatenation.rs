@@ -163,14 +163,20 @@ impl<'a> Concatenation<'a> {
         Ok(samples)
     }
 
-    /// Fades the end of all, unless the recording ends there too; it is after a sample at the earliest.
+    /// Fades the end of all from a sample on at the earliest, unless the recording ends there too and nothing is joined to
+    /// that end.
     fn end(&self, chosen: &[usize], channel: usize, samples: &mut [f32], earliest: usize) {
-        let Some(place) = chosen.last().map(|last| self.sound.place(*last)) else { return };
+        let Some((&unit, rest)) = chosen.split_last() else { return };
+        let place = self.sound.place(unit);
         let last = (samples.len() - 1) % self.unit + 1;
-        if place.start + last >= self.sound.frames(place.stream) {
+        let is_joined = rest.last().is_some_and(|before| !self.follows(*before, unit));
+        if place.start + last >= self.sound.frames(place.stream) && !is_joined {
             return;
         }
-        let step = self.sound.largest_step(place.stream, channel);
+        // The fade may begin in the unit before.
+        let steps = rest.last().into_iter().chain([&unit]);
+        let step = steps.map(|unit| self.sound.largest_step(self.sound.place(*unit).stream, channel));
+        let step = step.fold(0.0, f32::max);
         let most = samples.len() - earliest;
         let least = self.least.min(most);
         let edge = samples[..samples.len() - least].last().copied().unwrap_or_default();
