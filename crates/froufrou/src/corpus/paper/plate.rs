@@ -12,8 +12,8 @@
 //! out for the first two orders along the rulings. Free edges have k_y ≈ (m + ½) π / w.
 //!
 //! The radius follows from how far the chord of the curve is compressed. Schreck et al. measured that this moves the spectrum of
-//! friction much less than such a shell says, as paper does not bend evenly, so the model takes the radius only to a small power
-//! ([`CURVING`]); [`Shape::compression`] and the outline are what it has for such secondary effects.
+//! friction much less than such a shell says, as paper does not bend evenly, so the model takes the radius only to a small power;
+//! [`Shape::compression`] and the outline are what it has for such secondary effects.
 
 use std::f64::consts::PI;
 
