@@ -65,7 +65,9 @@ impl Bending {
     pub fn new(sheet: &Sheet, lie: &Lie, average_m: f64) -> Self {
         let mean_edge_m = lie.lengths.iter().sum::<f64>() / lie.lengths.len().max(1) as f64;
         let rounds = (average_m / mean_edge_m).powi(2) / RING;
-        let rounds = rounds.max(LEAST_ROUNDS).min(MOST_ROUNDS).round() as u32;
+        // A mesh of nothing has no edges.
+        let rounds = if rounds.is_nan() { LEAST_ROUNDS } else { rounds.clamp(LEAST_ROUNDS, MOST_ROUNDS) };
+        let rounds = rounds.round() as u32;
         Self {
             rounds,
             is_ridge: vec![false; sheet.edges.len()],
