@@ -163,9 +163,9 @@ fn mix(bencher: Bencher, contacts: u64, outputs: Vec<Output>) {
             let plays = stream.until(time_s.min(1.19), COURSE, &repertoire, None).expect("grains");
             cues.extend(plays.iter().map(|play| (play.time_s, score::Action::Grain(play.grain))));
         }
-        let cues = cues
-            .into_iter()
-            .map(|(time_s, action)| (time_s, 1, ChannelLine::Cue(Cue { thread, time_s, action })));
+        let cues = cues.into_iter().map(|(time_s, action)| {
+            (time_s, 1, ChannelLine::Cue(Cue { thread, time_s, action, cause: String::new() }))
+        });
         lines.extend(cues);
     }
     lines.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.2.thread().cmp(&b.2.thread())).then(a.1.cmp(&b.1)));

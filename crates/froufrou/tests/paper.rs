@@ -29,7 +29,7 @@ fn told(path: &Path, settings: &PaperSettings) -> (Vec<Buckle>, Vec<Friction>) {
     let started = Instant::now();
     let bodies = carriers(path).into_iter().map(|(name, carrier)| {
         let is_paper = name.contains("Paper");
-        Body { name, paper: is_paper.then(|| settings.clone()), regions: None, carrier }
+        Body { name, paper: is_paper.then(|| settings.clone()), regions: None, force: None, carrier }
     });
     let (mut buckles, mut frictions) = (Vec::new(), Vec::new());
     let mut last_s = f64::NEG_INFINITY;
@@ -38,7 +38,7 @@ fn told(path: &Path, settings: &PaperSettings) -> (Vec<Buckle>, Vec<Friction>) {
             Told::Event(event) => {
                 assert!(event.time_s() >= last_s, "events come in order of time");
                 last_s = event.time_s();
-                match event {
+                match *event {
                     Event::Buckle(buckle) => buckles.push(buckle),
                     Event::Friction(friction) => frictions.push(friction),
                     other => panic!("{other:?}"),

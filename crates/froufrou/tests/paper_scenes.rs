@@ -182,6 +182,27 @@ fn a_sheet_that_comes_apart_tears() {
 }
 
 #[test]
+fn a_simulations_forces_are_heard() {
+    let studio = Studio::new();
+    let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/alembic/beside.abc");
+    std::fs::copy(fixture, studio.path("beside.abc")).unwrap();
+    let scene =
+        scene(&studio, "{ corpus = 'synthetic/printer', radius = 0.01, force = 'force', slip = 0 }", TABLE)
+            .replace("letter.pc2#/*", "beside.abc#/sheet")
+            .replace("frame_rate = 60\n", "");
+    let sound = studio.scene(&scene, Take::at(RATE_HZ)).unwrap().channel(0);
+    // It presses four times as hard in the second half: 6 dB.
+    let louder_db = 10.0 * (power(&sound, 0.62, 0.95) / power(&sound, 0.1, 0.45)).log10();
+    assert!((louder_db - 6.0).abs() < 1.0, "{louder_db} dB");
+    // In all with 1.5 N in the first half.
+    let as_known = scene.replace("force = 'force'", "force = 'force', reference_force = 1.5");
+    let unknown = scene.replace("force = 'force'", "floor_speed = 0.03");
+    let powers = [as_known, unknown]
+        .map(|scene| power(&studio.scene(&scene, Take::at(RATE_HZ)).unwrap().channel(0), 0.1, 0.45));
+    assert!((10.0 * (powers[0] / powers[1]).log10()).abs() < 0.5, "{powers:?}");
+}
+
+#[test]
 fn what_paper_cannot_be_is_told() {
     let studio = Studio::new();
     studio.sheet("letter", 2, (2, FPS), |_, corner| bent(PI / 3.0, corner));

@@ -8,7 +8,7 @@ use super::cloth::sliding::{Sliding, SlidingSettings};
 use super::cloth::tension::TensionSettings;
 use super::cloth::{Analyser, ClothSettings, Participant, Restart};
 use super::event::Event;
-use super::moving_meshes::{Analyse, MovingMeshes, Sheet, sheets};
+use super::moving_meshes::{Analyse, Force, MovingMeshes, Sheet, sheets};
 use crate::Result;
 use crate::scene::Scene;
 use crate::scene::animation::Mesh;
@@ -61,13 +61,6 @@ struct Cloths {
     force_n: Vec<f32>,
 }
 
-/// What the file of an object calls the forces of its vertices.
-struct Force {
-    object: u32,
-    attribute: String,
-    carrier: Carrier,
-}
-
 impl MovingCloth {
     /// Begins with some objects and what carries their meshes; `file` is the scene, which messages name.
     ///
@@ -102,9 +95,9 @@ impl Analyse for Cloths {
     type Told = Told;
 
     fn feed(&mut self, time_s: f64, meshes: &[Mesh]) -> Result<()> {
-        for Force { object, attribute, carrier } in &self.forces {
-            carrier.vertex_values(attribute, time_s, &mut self.force_n)?;
-            self.analyser.press(*object, &self.force_n)?;
+        for force in &self.forces {
+            force.read(time_s, &mut self.force_n)?;
+            self.analyser.press(force.object, &self.force_n)?;
         }
         self.analyser.feed(time_s, meshes)
     }

@@ -111,6 +111,23 @@ impl<A: Analyse> Iterator for MovingMeshes<A> {
     }
 }
 
+/// How hard the vertices of an object press: what its file calls that.
+pub(super) struct Force {
+    pub object: u32,
+    pub attribute: String,
+    pub carrier: Carrier,
+}
+
+impl Force {
+    /// The forces at a time, in newtons, one for each vertex.
+    ///
+    /// # Errors
+    /// A file that has none by this name, or that cannot be read.
+    pub fn read(&self, time_s: f64, force_n: &mut Vec<f32>) -> Result<()> {
+        self.carrier.vertex_values(&self.attribute, time_s, force_n)
+    }
+}
+
 /// Something in a scene that has a mesh.
 pub(super) struct Sheet<'a> {
     pub name: &'a str,

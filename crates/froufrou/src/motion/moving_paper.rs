@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::cloth::Restart;
 use super::event::Event;
-use super::moving_meshes::{Analyse, MovingMeshes, Sheet, sheets};
+use super::moving_meshes::{Analyse, Force, MovingMeshes, Sheet, sheets};
 use super::paper::ready_made::{Partition, Reader};
 use super::paper::{Analyser, PaperSettings, Participant};
 use crate::scene::Scene;
@@ -22,7 +22,7 @@ const EARLY_S: f64 = 1e-6;
 #[derive(Debug, Clone, PartialEq)]
 pub enum Told {
     /// Something happened; in order of time.
-    Event(Event),
+    Event(Box<Event>),
     /// What was known of an object is forgotten.
     Restart(Restart),
 }
@@ -35,6 +35,8 @@ pub struct Body {
     pub paper: Option<PaperSettings>,
     /// A file of its regions, where whatever animates it has them; see [`super::paper::ready_made`].
     pub regions: Option<PathBuf>,
+    /// What its file calls the force with which each vertex presses, in newtons, where it has that.
+    pub force: Option<String>,
     /// What carries its mesh.
     pub carrier: Carrier,
 }
@@ -56,7 +58,7 @@ pub struct Body {
 /// for body in world.objects.iter().flatten() {
 ///     let paper = (body.name == "letter").then(PaperSettings::default);
 ///     if let Some(carrier) = body.carrier.clone() {
-///         bodies.push(Body { name: body.name.clone(), paper, regions: None, carrier });
+///         bodies.push(Body { name: body.name.clone(), paper, regions: None, force: None, carrier });
 ///     }
 /// }
 /// for told in MovingPaper::new(bodies, &scene.file)? {
@@ -72,6 +74,8 @@ pub struct MovingPaper(MovingMeshes<Sheets>);
 struct Sheets {
     analyser: Analyser,
     files: Vec<Option<Regions>>,
+    forces: Vec<Force>,
+    force_n: Vec<f32>,
 }
 
 /// A file of regions that is read along.
@@ -124,9 +128,14 @@ impl MovingPaper {
         let objects: Vec<_> = bodies.iter().map(|body| (body.name.clone(), body.paper.is_some())).collect();
         let files = bodies.iter().map(|body| body.regions.as_deref().map(Regions::open).transpose());
         let files = files.collect::<Result<_>>()?;
+        let forces = bodies.iter().zip(0..).filter_map(|(body, object)| {
+            let attribute = body.force.clone()?;
+            Some(Force { object, attribute, carrier: body.carrier.clone() })
+        });
+        let forces = forces.collect();
         let split = |body: Body| (Participant { name: body.name, paper: body.paper }, body.carrier);
         let (participants, carriers): (Vec<_>, Vec<Carrier>) = bodies.into_iter().map(split).unzip();
-        let sheets = Sheets { analyser: Analyser::new(participants), files };
+        let sheets = Sheets { analyser: Analyser::new(participants), files, forces, force_n: Vec::new() };
         MovingMeshes::new(sheets, carriers, &objects, scene, "paper").map(Self)
     }
 
@@ -147,11 +156,15 @@ impl Analyse for Sheets {
                 self.analyser.give(object, partition.clone())?;
             }
         }
+        for force in &self.forces {
+            force.read(time_s, &mut self.force_n)?;
+            self.analyser.press(force.object, &self.force_n)?;
+        }
         self.analyser.feed(time_s, meshes)
     }
 
     fn told(&mut self) -> Option<Told> {
-        let event = self.analyser.next_event().map(Told::Event);
+        let event = self.analyser.next_event().map(|event| Told::Event(Box::new(event)));
         event.or_else(|| self.analyser.next_restart().map(Told::Restart))
     }
 
@@ -193,12 +206,13 @@ pub fn events(scene: &Scene, world: &World) -> Result<impl Iterator<Item = Resul
     {
         let paper = material.and_then(|material| material.paper.as_ref());
         let regions = paper.and_then(|paper| Some(paper.regions.as_ref()?.path.clone()));
-        bodies.push(Body { name: name.to_owned(), paper: paper.map(settings), regions, carrier });
+        let force = paper.and_then(|paper| paper.force.clone());
+        bodies.push(Body { name: name.to_owned(), paper: paper.map(settings), regions, force, carrier });
     }
     let any = bodies.iter().any(|body| body.paper.is_some());
     let moving = if any { Some(MovingPaper::new(bodies, &scene.file)?) } else { None };
     Ok(moving.into_iter().flatten().filter_map(|told| match told {
-        Ok(Told::Event(event)) => Some(Ok(event)),
+        Ok(Told::Event(event)) => Some(Ok(*event)),
         Ok(Told::Restart(_)) => None,
         Err(fault) => Some(Err(fault)),
     }))

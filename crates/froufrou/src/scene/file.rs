@@ -346,6 +346,10 @@ pub struct Paper {
     pub regions: Option<Asset>,
     /// Vertices that are held, by their numbers.
     pub held: Vec<u32>,
+    /// What the animation calls the force with which each vertex presses, where it has that.
+    pub force: Option<String>,
+    /// The force at which it rubs as loud as in its database, in newtons; where forces are known.
+    pub reference_force_n: f64,
     /// How near a vertex is to what it touches, in metres.
     pub radius_m: f64,
     /// What slides slower is silent, in metres a second.

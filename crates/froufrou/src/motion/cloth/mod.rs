@@ -19,6 +19,7 @@ pub(super) mod gather;
 mod geodesic;
 pub(super) mod meshes;
 mod patches;
+pub(in crate::motion) mod pressing;
 pub mod proximity;
 #[cfg(test)]
 pub(super) mod shapes;
@@ -36,6 +37,7 @@ use self::buckles::{BuckleSettings, Buckled, Buckles};
 use self::curvature::Curvature;
 use self::meshes::Meshes;
 use self::patches::Patches;
+use self::pressing::Pressing;
 use self::proximity::{Proximity, Touchable};
 use self::sliding::{Slides, Sliding, SlidingSettings};
 use self::tension::{Beat, Tension, TensionSettings};
@@ -131,8 +133,8 @@ pub struct Analyser {
     ready: VecDeque<Event>,
     slidings: VecDeque<Sliding>,
     restarts: VecDeque<Restart>,
-    /// What presses in the frame to come: the object, and the area that would press as hard as each of its vertices.
-    pressing_m2: Vec<(u32, Vec<f64>)>,
+    /// What presses in the frame to come.
+    pressing: Pressing,
 }
 
 /// One of the cloths.
@@ -206,7 +208,7 @@ impl Analyser {
             ready: VecDeque::new(),
             slidings: VecDeque::new(),
             restarts: VecDeque::new(),
-            pressing_m2: Vec::new(),
+            pressing: Pressing::default(),
         }
     }
 
@@ -224,18 +226,11 @@ impl Analyser {
         let Some(participant) = self.participants.get(object as usize) else {
             return Err(Error::new(format!("there is no object {object}")));
         };
-        let fault = |what: String| Error::new(what).at(Place::Part(participant.name.clone()));
-        let Some(settings) = &participant.cloth else {
-            return Err(fault("forces are those of a cloth, and it is none".to_owned()));
-        };
-        if let Some(vertex) = force_n.iter().position(|force| !(force.is_finite() && *force >= 0.0)) {
-            let force = force_n[vertex];
-            return Err(fault(format!("vertex {vertex} presses with {force} N: expected 0 or more")));
+        if participant.cloth.is_none() {
+            return Err(Error::new("forces are those of a cloth, and it is none")
+                .at(Place::Part(participant.name.clone())));
         }
-        let pressure_pa = settings.sliding.pressure_pa;
-        self.pressing_m2
-            .push((object, force_n.iter().map(|force| f64::from(*force) / pressure_pa).collect()));
-        Ok(())
+        self.pressing.say(object, &participant.name, force_n)
     }
 
     /// Takes the next frame: its time, and the mesh of each object in their order.
@@ -244,9 +239,9 @@ impl Analyser {
     /// Another number of meshes than of objects; a time that is no number or not after that of the frame before; a
     /// position that is no number; faces that are none. What was found before is still there then.
     pub fn feed(&mut self, time_s: f64, meshes: &[Mesh]) -> Result<()> {
-        let pressing_m2 = std::mem::take(&mut self.pressing_m2);
+        let pressing = std::mem::take(&mut self.pressing);
         let changes = self.meshes.look(time_s, meshes)?;
-        self.check(time_s, meshes, &pressing_m2)?;
+        pressing.check(time_s, meshes, |object| self.meshes.name(object))?;
         let restarts = self.meshes.restarts(time_s, &changes);
         let is_first = self.meshes.objects().is_empty();
         for &Restart { object, .. } in &restarts {
@@ -271,17 +266,11 @@ impl Analyser {
             }
         }
         self.restarts.extend(restarts);
-        for (object, area_m2) in pressing_m2 {
-            let surface = self.meshes.objects()[object as usize].surface();
-            let mut pressing_m2 = vec![0.0; area_m2.len()];
-            // What lies in one place presses as one.
-            for (vertex, area_m2) in area_m2.iter().enumerate() {
-                let stands = surface.welded(vertex as u32).unwrap_or(vertex as u32);
-                pressing_m2[stands as usize] += area_m2;
-            }
-            for cloth in self.cloths.iter_mut().filter(|cloth| cloth.object == object) {
-                cloth.pressing_m2 = Some(pressing_m2.clone());
-            }
+        let objects = self.meshes.objects();
+        for cloth in &mut self.cloths {
+            let pressing_n = pressing.of(cloth.object, objects[cloth.object as usize].surface());
+            let pressure_pa = cloth.settings.sliding.pressure_pa;
+            cloth.pressing_m2 = pressing_n.map(|all| all.into_iter().map(|n| n / pressure_pa).collect());
         }
         for at in 0..self.cloths.len() {
             let buckled = self.cloths[at].feed(time_s, self.meshes.objects());
@@ -315,20 +304,6 @@ impl Analyser {
     /// The next object of which all was forgotten.
     pub fn next_restart(&mut self) -> Option<Restart> {
         self.restarts.pop_front()
-    }
-
-    /// A force is needed for each vertex.
-    fn check(&self, time_s: f64, meshes: &[Mesh], pressing_m2: &[(u32, Vec<f64>)]) -> Result<()> {
-        for (object, area_m2) in pressing_m2 {
-            let (forces, vertices) = (area_m2.len(), meshes[*object as usize].positions.len());
-            if forces != vertices {
-                let name = self.participants[*object as usize].name.clone();
-                return Err(Error::new(format!("{forces} forces, and {vertices} vertices, at {time_s} s"))
-                    .at(Place::Part(name))
-                    .help("a force is needed for each vertex"));
-            }
-        }
-        Ok(())
     }
 
     fn begin(&mut self) {

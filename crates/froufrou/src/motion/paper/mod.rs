@@ -31,8 +31,9 @@ use self::sheet::{Lie, Sheet};
 use self::tearing::Known;
 use super::cloth::Restart;
 use super::cloth::meshes::{Change, Meshes};
+use super::cloth::pressing::Pressing;
 use super::cloth::proximity::{Proximity, Touchable};
-use super::event::{Buckle, Cause, Event, Moved, Resonator, Tear};
+use super::event::{Buckle, Cause, Event, Friction, Moved, Resonator, Tear};
 use crate::scene::animation::Mesh;
 use crate::{Error, Place, Result};
 
@@ -117,6 +118,8 @@ pub struct Analyser {
     sheets: Vec<Page>,
     /// What is known of sheets in the frame that comes next.
     given: Vec<Option<Partition>>,
+    /// What presses in the frame that comes next.
+    pressing: Pressing,
     ready: VecDeque<Event>,
     restarts: VecDeque<Restart>,
 }
@@ -182,6 +185,7 @@ impl Page {
         step_s: f64,
         meshes: &Meshes,
         given: Option<&Partition>,
+        pressing: &Pressing,
     ) -> Result<Vec<Event>> {
         let objects = meshes.objects();
         let Some(own) = objects.get(self.object as usize) else { return Ok(Vec::new()) };
@@ -226,10 +230,14 @@ impl Page {
         let mut events = Vec::new();
         if step_s > 0.0 {
             let before_s = time_s - step_s;
+            let pressing_n = pressing.of(*object, own.surface());
             for found in sliding::friction(sheet, lie, holding, settings.threshold_mps) {
                 let resonators = spreading.resonators(seen, found.vertices.iter().copied());
                 let other = name(found.other);
-                events.push(Event::Friction(found.event(before_s, step_s, name(*object), other, resonators)));
+                let force = |force_n: &Vec<f64>| found.vertices.iter().map(|&v| force_n[v as usize]).sum();
+                let force_n = pressing_n.as_ref().map(force);
+                let friction = found.event(before_s, step_s, name(*object), other, resonators);
+                events.push(Event::Friction(Friction { force_n, ..friction }));
             }
         }
         spreading.pools(seen, own.surface(), pools);
@@ -284,6 +292,7 @@ impl Analyser {
         let names = participants.iter().map(|participant| participant.name.clone()).collect();
         Self {
             given: vec![None; participants.len()],
+            pressing: Pressing::default(),
             participants,
             meshes: Meshes::new(names),
             sheets: Vec::new(),
@@ -312,6 +321,18 @@ impl Analyser {
         }
     }
 
+    /// Says how hard each vertex of a sheet presses against what it touches in the frame that is fed next, in newtons,
+    /// where a simulation knows it.
+    ///
+    /// # Errors
+    /// What is no sheet; a force that is negative or no number.
+    pub fn press(&mut self, object: u32, force_n: &[f32]) -> Result<()> {
+        match self.participants.get(object as usize).filter(|participant| participant.paper.is_some()) {
+            Some(participant) => self.pressing.say(object, &participant.name, force_n),
+            None => Err(Error::new(format!("forces for object {object}, which is no sheet"))),
+        }
+    }
+
     /// Takes the next frame: its time, and the mesh of each object in their order.
     ///
     /// # Errors
@@ -319,7 +340,9 @@ impl Analyser {
     /// position that is no number; faces that are none; a held vertex that is not there; regions that are not of the
     /// mesh. What was found before is still there then.
     pub fn feed(&mut self, time_s: f64, meshes: &[Mesh]) -> Result<()> {
+        let pressing = std::mem::take(&mut self.pressing);
         let changes = self.meshes.look(time_s, meshes)?;
+        pressing.check(time_s, meshes, |object| self.meshes.name(object))?;
         self.check_held(meshes)?;
         let step_s = self.meshes.last_s().map_or(0.0, |last_s| time_s - last_s);
         let is_first = self.meshes.objects().is_empty();
@@ -353,7 +376,7 @@ impl Analyser {
         for page in &mut self.sheets {
             let object = page.object as usize;
             let given = self.given[object].take();
-            let found = page.feed(time_s, step_s, &self.meshes, given.as_ref());
+            let found = page.feed(time_s, step_s, &self.meshes, given.as_ref(), &pressing);
             events.extend(found.map_err(|fault| fault.at(Place::Part(self.meshes.name(page.object))))?);
         }
         events.sort_by(|a, b| a.time_s().total_cmp(&b.time_s()));

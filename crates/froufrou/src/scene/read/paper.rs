@@ -14,6 +14,8 @@ pub(super) const PAPER: Keys = &[
     "against",
     "regions",
     "held",
+    "force",
+    "reference_force",
     "radius",
     "floor_speed",
     "ridge",
@@ -35,6 +37,9 @@ pub(super) const CORPUS: &str = "the folder of a database of paper, or a model s
 
 /// Where nothing is said: what a sheet of A4 has that is bowed by a tenth and flips through.
 const REFERENCE_MPS: f64 = 2.0;
+
+/// Where nothing is said: the weight of a sheet of A4.
+const WEIGHT_N: f64 = 0.05;
 
 /// The most vertices that are said to be held.
 const MOST_HELD: u64 = u32::MAX as u64;
@@ -59,12 +64,14 @@ pub(super) fn paper(node: &Node<'_, '_>, folder: &Folder) -> Result<Paper> {
             .map_or(Ok(Vec::new()), |node| against(&node.named()?, |node| corpus(node, folder)))?,
         regions: get("regions").map(regions).transpose()?,
         held: get("held").map_or(Ok(Vec::new()), |node| held(&node))?,
+        force: get("force").map(|node| node.text("the name of an attribute of vertices")).transpose()?,
+        reference_force_n: within("reference_force", WEIGHT_N, "newtons", 1e-9, 1e9)?,
         radius_m: within("radius", 0.005, "metres", 0.0, 10.0)?,
-        floor_speed_mps: within("floor_speed", 0.02, "metres a second", 0.0, 100.0)?,
+        floor_speed_mps: within("floor_speed", 0.03, "metres a second", 0.0, 100.0)?,
         ridge_rad: within("ridge", 0.5, "radians", 0.0, 3.2)?,
         flat_rad: within("flat", 0.25, "radians", 0.0, 100.0)?,
         average_m: get("average").map(|node| node.within("metres", 0.0, 10.0)).transpose()?,
-        least_energy_mps: within("least_energy", 0.02, "metres a second", 0.0, 1e9)?,
+        least_energy_mps: within("least_energy", 0.1, "metres a second", 0.0, 1e9)?,
         reference_energy_mps: within("reference_energy", REFERENCE_MPS, "metres a second", 1e-9, 1e9)?,
         slip: within("slip", 1.0, "a factor", 0.0, 100.0)?,
         tearing: within("tearing", 1.0, "a factor", 0.0, 1000.0)?,

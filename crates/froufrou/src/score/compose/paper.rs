@@ -183,6 +183,8 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
                 sums.along += if sums.along.is_empty() { "" } else { ", " };
                 sums.along += &friction.other;
             }
+            // The power of the sound grows with what truly touches, and that with the force.
+            let pressed = friction.force_n.map_or(1.0, |force_n| (force_n / paper.reference_force_n).sqrt());
             let all_m2: f64 = friction.resonators.iter().map(|resonator| resonator.area_m2).sum();
             for resonator in &friction.resonators {
                 let spectrum = sound.spectrum(resonator.ruling_m, resonator.border_m);
@@ -191,7 +193,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
                 let size = size(resonator, entry.ruling_m, entry.border_m);
                 // However many parts a sheet is found to have, it is no louder.
                 let share = if all_m2 > 0.0 { resonator.area_m2 / all_m2 } else { 1.0 };
-                sums.add(number, friction.speed_mps * size * share, resonator);
+                sums.add(number, friction.speed_mps * size * share * pressed, resonator);
             }
         }
         for (name, sums) in gathered {

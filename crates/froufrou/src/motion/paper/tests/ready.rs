@@ -120,7 +120,7 @@ fn what_is_known_counts_and_what_follows_is_the_same() {
         let mut held = partition(&mesh);
         let ends = |v: &u32| {
             let [x, _, z] = mesh.positions[*v as usize].map(f64::from);
-            x <= 1e-6 && (z > -1e-6 || z < -0.9999 * SHORT_M)
+            x <= 1e-6 && !(-0.9999 * SHORT_M..=-1e-6).contains(&z)
         };
         held.held = Some((0..mesh.positions.len() as u32).filter(ends).collect());
         held.time_s = 1.0;
