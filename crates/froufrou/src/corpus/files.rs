@@ -12,7 +12,7 @@ use super::recording::Recording;
 use crate::error::{Error, Place, Result};
 
 /// The most bytes of a `corpus.toml`.
-pub const MOST_BYTES: u64 = 16 << 20;
+pub const MOST_BYTES: u64 = 64 << 20;
 
 /// The text of a corpus's `corpus.toml`.
 ///

@@ -2,12 +2,13 @@
 
 use std::fmt;
 use std::io::{BufRead, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::json_lines::JsonLines;
 use super::rub::Rubbing;
-use crate::{Error, Place, Result};
+use crate::Result;
 
 /// The longest line of an event file that is read, in bytes.
 pub const LONGEST_LINE_BYTES: usize = 1 << 20;
@@ -421,45 +422,12 @@ pub fn write(to: &mut impl Write, event: &Event) -> std::io::Result<()> {
 /// # Ok::<(), froufrou::Error>(())
 /// ```
 #[derive(Debug)]
-pub struct Reader<R> {
-    inner: R,
-    file: PathBuf,
-    line: usize,
-    buffer: Vec<u8>,
-    over: bool,
-}
+pub struct Reader<R>(JsonLines<R, Event>);
 
 impl<R: BufRead> Reader<R> {
     /// Reads from anywhere; `file` is the name in messages.
     pub fn new(inner: R, file: impl AsRef<Path>) -> Self {
-        Self { inner, file: file.as_ref().to_owned(), line: 0, buffer: Vec::new(), over: false }
-    }
-
-    fn read(&mut self) -> Result<Option<Event>> {
-        loop {
-            self.line += 1;
-            self.buffer.clear();
-            let mut bounded = std::io::Read::take(&mut self.inner, LONGEST_LINE_BYTES as u64 + 1);
-            let count = bounded
-                .read_until(b'\n', &mut self.buffer)
-                .map_err(|fault| Error::new(format!("cannot read: {fault}")).because(fault))?;
-            if count == 0 {
-                return Ok(None);
-            }
-            if count > LONGEST_LINE_BYTES {
-                return Err(Error::new(format!("a line longer than {LONGEST_LINE_BYTES} bytes")));
-            }
-            if self.buffer.iter().all(u8::is_ascii_whitespace) {
-                continue;
-            }
-            return serde_json::from_slice(&self.buffer).map(Some).map_err(|fault| {
-                let place = Place::Line { line: self.line, column: fault.column() };
-                // The place that serde gives counts lines of this line.
-                let what = fault.to_string();
-                let what = what.rsplit_once(" at line ").map_or(what.as_str(), |(what, _)| what);
-                Error::new(format!("not an event: {what}")).at(place).because(fault)
-            });
-        }
+        Self(JsonLines::new(inner, file.as_ref(), "an event", LONGEST_LINE_BYTES))
     }
 }
 
@@ -467,13 +435,7 @@ impl<R: BufRead> Iterator for Reader<R> {
     type Item = Result<Event>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if self.over {
-            return None;
-        }
-        let place = |line| Place::Line { line, column: 0 };
-        let event = self.read().map_err(|e| e.in_file(self.file.clone()).at(place(self.line))).transpose();
-        self.over = !matches!(event, Some(Ok(_)));
-        event
+        self.0.next()
     }
 }
 

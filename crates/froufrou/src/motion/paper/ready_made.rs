@@ -9,15 +9,16 @@
 //! rulings. `held` and `touching` may be left out; both are found from motion then.
 
 use std::io::BufRead;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::DVec3;
 use serde::Deserialize;
 
 use super::sheet::{Lie, NONE, Sheet};
 use crate::motion::cloth::triangulation::Triangulation;
+use crate::motion::json_lines::JsonLines;
 use crate::scene::animation::Mesh;
-use crate::{Error, Place, Result};
+use crate::{Error, Result};
 
 /// The longest line that is read, in bytes.
 pub const LONGEST_LINE_BYTES: usize = 64 << 20;
@@ -160,56 +161,20 @@ impl Partition {
 /// ```
 #[derive(Debug)]
 pub struct Reader<R> {
-    inner: R,
-    file: PathBuf,
-    line: usize,
+    lines: JsonLines<R, Partition>,
     last_s: Option<f64>,
-    buffer: Vec<u8>,
-    over: bool,
 }
 
 impl<R: BufRead> Reader<R> {
     /// Reads from anywhere; `file` is the name in messages.
     pub fn new(inner: R, file: impl AsRef<Path>) -> Self {
-        Self { inner, file: file.as_ref().to_owned(), line: 0, last_s: None, buffer: Vec::new(), over: false }
+        let lines = JsonLines::new(inner, file.as_ref(), "the regions of a sheet", LONGEST_LINE_BYTES);
+        Self { lines, last_s: None }
     }
 
     /// The line that was read last, from 1.
     pub fn line(&self) -> usize {
-        self.line
-    }
-
-    fn read(&mut self) -> Result<Option<Partition>> {
-        loop {
-            self.line += 1;
-            self.buffer.clear();
-            let mut bounded = std::io::Read::take(&mut self.inner, LONGEST_LINE_BYTES as u64 + 1);
-            let count = bounded
-                .read_until(b'\n', &mut self.buffer)
-                .map_err(|fault| Error::new(format!("cannot read: {fault}")).because(fault))?;
-            if count == 0 {
-                return Ok(None);
-            }
-            if count > LONGEST_LINE_BYTES {
-                return Err(Error::new(format!("a line longer than {LONGEST_LINE_BYTES} bytes")));
-            }
-            if self.buffer.iter().all(u8::is_ascii_whitespace) {
-                continue;
-            }
-            let read: Partition = serde_json::from_slice(&self.buffer).map_err(|fault| {
-                let place = Place::Line { line: self.line, column: fault.column() };
-                // The place that serde gives counts lines of this line.
-                let what = fault.to_string();
-                let what = what.rsplit_once(" at line ").map_or(what.as_str(), |(what, _)| what);
-                Error::new(format!("not the regions of a sheet: {what}")).at(place).because(fault)
-            })?;
-            if let Some(last_s) = self.last_s.filter(|last_s| read.time_s <= *last_s) {
-                let what = format!("regions at {} s after those at {last_s} s", read.time_s);
-                return Err(Error::new(what).help("frames come in order of time"));
-            }
-            self.last_s = Some(read.time_s);
-            return Ok(Some(read));
-        }
+        self.lines.line()
     }
 }
 
@@ -217,12 +182,15 @@ impl<R: BufRead> Iterator for Reader<R> {
     type Item = Result<Partition>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if self.over {
-            return None;
+        let read = match self.lines.next()? {
+            Ok(read) => read,
+            Err(fault) => return Some(Err(fault)),
+        };
+        if let Some(last_s) = self.last_s.filter(|last_s| read.time_s <= *last_s) {
+            let what = format!("regions at {} s after those at {last_s} s", read.time_s);
+            return Some(Err(self.lines.refuse(Error::new(what).help("frames come in order of time"))));
         }
-        let place = |line| Place::Line { line, column: 0 };
-        let read = self.read().map_err(|e| e.in_file(self.file.clone()).at(place(self.line))).transpose();
-        self.over = !matches!(read, Some(Ok(_)));
-        read
+        self.last_s = Some(read.time_s);
+        Some(Ok(read))
     }
 }

@@ -4,29 +4,14 @@ use std::path::{Component, Path};
 
 use crate::corpus::dictionary::builder::scan;
 use crate::corpus::dictionary::manifest::{FILE_NAME, line};
+use crate::corpus::files::manifest_text;
 use crate::corpus::units::settings::Settings;
 use crate::error::{Error, Place, Result};
 
 /// The only version so far.
 const VERSION: i64 = 1;
 
-/// The most bytes of the file.
-const MOST_BYTES: u64 = 64 << 20;
-
 const ADVICE: &str = "`froufrou features build RECORDINGS -o CORPUS` makes such a corpus";
-
-fn read(folder: &Path) -> Result<String> {
-    let path = folder.join(FILE_NAME);
-    let metadata = std::fs::metadata(&path).map_err(|e| Error::io("open", &path, e).help(ADVICE))?;
-    if metadata.len() > MOST_BYTES {
-        return Err(Error::new(format!("the file has more than {MOST_BYTES} bytes")).in_file(path));
-    }
-    let bytes = std::fs::read(&path).map_err(|e| Error::io("read", &path, e))?;
-    String::from_utf8(bytes).map_err(|e| {
-        let at = Place::Byte(e.utf8_error().valid_up_to() as u64);
-        Error::new("expected text in UTF-8").in_file(&path).at(at)
-    })
-}
 
 fn fault(text: &str, path: &Path, fault: &toml::de::Error) -> Error {
     let error = Error::new(fault.message().to_owned()).in_file(path);
@@ -49,7 +34,7 @@ struct Tables {
 /// Where there is no such file or table, or it makes no sense, with the line.
 pub fn settings(folder: &Path) -> Result<Settings> {
     let path = folder.join(FILE_NAME);
-    let text = read(folder)?;
+    let text = manifest_text(folder, ADVICE)?;
     let tables: Tables = toml::from_str(&text).map_err(|e| fault(&text, &path, &e))?;
     if tables.version != VERSION {
         let what = format!("version is {}, expected {VERSION}", tables.version);
@@ -63,7 +48,7 @@ pub fn settings(folder: &Path) -> Result<Settings> {
 
 /// True for a corpus that is of units and of nothing else.
 pub fn is_of_units_alone(folder: &Path) -> bool {
-    let table = read(folder).ok().and_then(|text| toml::from_str::<toml::Table>(&text).ok());
+    let table = manifest_text(folder, ADVICE).ok().and_then(|text| toml::from_str::<toml::Table>(&text).ok());
     table.is_some_and(|table| {
         table.contains_key("units") && table.keys().all(|key| key == "units" || key == "version")
     })
@@ -79,7 +64,7 @@ pub fn create(folder: &Path, settings: &Settings) -> Result<()> {
     let mut table = toml::Table::new();
     let mut heading = "# A corpus of units. docs/concatenation.md tells what stands here.\n".to_owned();
     if path.exists() {
-        let text = read(folder)?;
+        let text = manifest_text(folder, ADVICE)?;
         table = toml::from_str(&text).map_err(|e| fault(&text, &path, &e))?;
         heading = text.lines().take_while(|l| l.starts_with('#')).map(|l| format!("{l}\n")).collect();
     }
