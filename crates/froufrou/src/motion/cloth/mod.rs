@@ -239,6 +239,11 @@ impl Analyser {
     /// Another number of meshes than of objects; a time that is no number or not after that of the frame before; a
     /// position that is no number; faces that are none. What was found before is still there then.
     pub fn feed(&mut self, time_s: f64, meshes: &[Mesh]) -> Result<()> {
+        // The threads that share the work are woken once a frame: for a small mesh that takes longer than all the rest.
+        rayon::scope(|_| self.take_frame(time_s, meshes))
+    }
+
+    fn take_frame(&mut self, time_s: f64, meshes: &[Mesh]) -> Result<()> {
         let pressing = std::mem::take(&mut self.pressing);
         let changes = self.meshes.look(time_s, meshes)?;
         pressing.check(time_s, meshes, |object| self.meshes.name(object))?;

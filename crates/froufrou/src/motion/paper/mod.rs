@@ -340,6 +340,11 @@ impl Analyser {
     /// position that is no number; faces that are none; a held vertex that is not there; regions that are not of the
     /// mesh. What was found before is still there then.
     pub fn feed(&mut self, time_s: f64, meshes: &[Mesh]) -> Result<()> {
+        // The threads that share the work are woken once a frame: for a small mesh that takes longer than all the rest.
+        rayon::scope(|_| self.take_frame(time_s, meshes))
+    }
+
+    fn take_frame(&mut self, time_s: f64, meshes: &[Mesh]) -> Result<()> {
         let pressing = std::mem::take(&mut self.pressing);
         let changes = self.meshes.look(time_s, meshes)?;
         pressing.check(time_s, meshes, |object| self.meshes.name(object))?;
