@@ -2,10 +2,12 @@
 
 mod studio;
 
+use std::collections::BTreeSet;
 use std::f64::consts::PI;
 
 use froufrou::corpus::paper::PaperSound;
-use froufrou::score::{Action, ObjectLine, Verb};
+use froufrou::corpus::paper::synthetic::Paper;
+use froufrou::score::{Action, Cue, ObjectLine, Statement, Verb};
 use studio::{Studio, Take};
 
 const RATE_HZ: u32 = 44_100;
@@ -68,29 +70,80 @@ fn what_is_pulled_flat_is_as_loud_as_its_constrained_spectrum() {
     assert_eq!(power(&sound, 1.4, 2.0), 0.0, "silent at rest");
 }
 
+/// A bowed sheet, by 1.2 rad, that is pulled along the table on its two straight edges.
+fn bowed(time_s: f64, corner: [f64; 2]) -> [f64; 3] {
+    let [x, y, z] = bent(1.2, corner);
+    [x + SPEED_MPS * time_s.min(1.0), y + 0.002, z]
+}
+
+/// The names of the controls that friction is told of, and of the sounds that have them.
+fn told(studio: &Studio, scene: &str) -> (BTreeSet<String>, BTreeSet<String>) {
+    let (mut controls, mut sounds) = (BTreeSet::new(), BTreeSet::new());
+    for line in studio.production(scene).unwrap().object_lines().unwrap() {
+        match line.unwrap() {
+            ObjectLine::Cue(Cue { action: Action::Set(values), .. }) => {
+                controls.extend(values.into_iter().filter(|(_, value)| *value > 0.0).map(|(name, _)| name));
+            }
+            ObjectLine::Thread(Statement { verb: Verb::Start(start), .. }) => {
+                sounds.insert(start.sound);
+            }
+            _ => {}
+        }
+    }
+    (controls, sounds)
+}
+
+fn control(ruling_m: f64, border_m: f64) -> String {
+    let paper = PaperSound::synthetic(Paper::printer());
+    format!("friction-{}", paper.spectrum(ruling_m, border_m).unwrap())
+}
+
 #[test]
 fn what_is_bowed_rubs_with_its_own_spectrum() {
     let studio = Studio::new();
-    // Bowed up by 1.2 rad, its two straight edges on the table.
-    studio.sheet("letter", CELLS, (FRAMES, FPS), |time_s, corner| {
-        let [x, y, z] = bent(1.2, corner);
-        [x + SPEED_MPS * time_s.min(1.0), y + 0.002, z]
-    });
-    let scene = scene(&studio, "'synthetic/printer'", TABLE);
-    let paper = PaperSound::named("synthetic/printer", &studio.path("")).unwrap();
-    let production = studio.production(&scene).unwrap();
-    let mut told = std::collections::BTreeSet::new();
-    for line in production.object_lines().unwrap() {
-        if let ObjectLine::Cue(cue) = line.unwrap()
-            && let Action::Set(values) = cue.action
-        {
-            told.extend(values.iter().filter(|(_, value)| *value > 0.0).map(|(name, _)| name.clone()));
-        }
-    }
+    studio.sheet("letter", CELLS, (FRAMES, FPS), bowed);
+    let (controls, _) = told(&studio, &scene(&studio, "'synthetic/printer'", TABLE));
     // Rulings of 20 cm along z, and two curved borders of 20 cm each.
-    let expected = paper.spectrum(0.2, 0.4).unwrap();
-    assert!(told.contains(&format!("friction-{expected}")), "{told:?}");
-    assert!(told.len() <= 2, "{told:?}");
+    assert!(controls.contains(&control(0.2, 0.4)) && controls.len() <= 2, "{controls:?}");
+}
+
+#[test]
+fn what_is_said_to_be_held_or_to_touch_is_constrained() {
+    let studio = Studio::new();
+    studio.sheet("letter", CELLS, (FRAMES, FPS), bowed);
+    let side = CELLS + 1;
+    let all: Vec<usize> = (0..side * side).collect();
+    // All of both curved borders.
+    let borders: Vec<usize> = (0..side).chain(side * CELLS..side * side).collect();
+    let held = format!("{{ corpus = 'synthetic/printer', held = {borders:?} }}");
+    let (controls, _) = told(&studio, &scene(&studio, &held, TABLE));
+    assert_eq!(controls, BTreeSet::from([control(0.2, 0.0)]));
+    // One curved region whose rulings go along z, all of which lies on something.
+    let faces: Vec<usize> = (0..CELLS * CELLS).collect();
+    let line = serde_json::json!({ "time_s": 0, "touching": all, "regions": [
+        { "faces": faces, "kind": "curved", "rulings": [[[0.0, 0.0, -0.1], [0.0, 0.0, 0.1]]] }
+    ] });
+    studio.file("letter.jsonl", &format!("{line}\n"));
+    let known = "{ corpus = 'synthetic/printer', regions = 'letter.jsonl' }";
+    let (controls, _) = told(&studio, &scene(&studio, known, TABLE));
+    assert_eq!(controls, BTreeSet::from([control(0.2, 0.0)]));
+    // Regions of another mesh are told with their line.
+    studio.file("letter.jsonl", "{\"time_s\":0,\"regions\":[{\"faces\":[0],\"kind\":\"flat\"}]}\n");
+    let fault = studio.scene(&scene(&studio, known, TABLE), Take::at(RATE_HZ)).err().expect("refused");
+    let fault = fault.to_string();
+    assert!(fault.contains("letter.jsonl:1") && fault.contains("face 1 is in no region"), "{fault}");
+}
+
+#[test]
+fn along_another_material_it_may_sound_otherwise() {
+    let studio = Studio::new();
+    studio.sheet("letter", CELLS, (FRAMES, FPS), bowed);
+    let table = format!("{TABLE}material = 'oak'\n[material.oak]\n");
+    let paper = "{ corpus = 'synthetic/printer', against = { oak = 'synthetic/banknote' } }";
+    let (_, sounds) = told(&studio, &scene(&studio, paper, &table));
+    assert_eq!(sounds, BTreeSet::from(["banknote".to_owned()]));
+    let (_, sounds) = told(&studio, &scene(&studio, paper, TABLE));
+    assert_eq!(sounds, BTreeSet::from(["printer".to_owned()]));
 }
 
 /// It snaps through at 0.5 s, and back at 1.2 s.

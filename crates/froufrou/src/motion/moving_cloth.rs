@@ -8,7 +8,7 @@ use super::cloth::sliding::{Sliding, SlidingSettings};
 use super::cloth::tension::TensionSettings;
 use super::cloth::{Analyser, ClothSettings, Participant, Restart};
 use super::event::Event;
-use super::moving_meshes::{Analyse, Force, MovingMeshes, Sheet, sheets};
+use super::moving_meshes::{Analyse, Force, MovingMeshes, WithMesh, with_meshes};
 use crate::Result;
 use crate::scene::Scene;
 use crate::scene::animation::Mesh;
@@ -146,8 +146,8 @@ fn cloths_of(
     settings: impl Fn(&Cloth) -> ClothSettings,
 ) -> Result<Option<MovingCloth>> {
     let (mut bodies, mut forces) = (Vec::new(), Vec::new());
-    for Sheet { name, carrier, material } in
-        sheets(scene, world, "cloth", |material| material.cloth.is_some())?
+    for WithMesh { name, carrier, material } in
+        with_meshes(scene, world, "cloth", |material| material.cloth.is_some())?
     {
         let cloth = material.and_then(|material| material.cloth.as_ref());
         if others || cloth.is_some() {

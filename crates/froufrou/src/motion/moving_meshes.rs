@@ -129,7 +129,7 @@ impl Force {
 }
 
 /// Something in a scene that has a mesh.
-pub(super) struct Sheet<'a> {
+pub(super) struct WithMesh<'a> {
     pub name: &'a str,
     pub carrier: Carrier,
     pub material: Option<&'a Material>,
@@ -139,12 +139,12 @@ pub(super) struct Sheet<'a> {
 ///
 /// # Errors
 /// An object whose material is `of` a kind that needs a mesh, and has none; `what` that is.
-pub(super) fn sheets<'a>(
+pub(super) fn with_meshes<'a>(
     scene: &'a Scene,
     world: &'a World,
     what: &str,
     of: impl Fn(&Material) -> bool,
-) -> Result<Vec<Sheet<'a>>> {
+) -> Result<Vec<WithMesh<'a>>> {
     let mut found = Vec::new();
     for (object, members) in scene.objects.iter().zip(&world.objects) {
         let material = object.material.and_then(|index| scene.materials.get(index));
@@ -157,7 +157,8 @@ pub(super) fn sheets<'a>(
                     .in_file(&scene.file)
                     .help("give it a `source` that names a mesh"));
             }
-            let body = |carrier: &Carrier| Sheet { name: &member.name, carrier: carrier.clone(), material };
+            let body =
+                |carrier: &Carrier| WithMesh { name: &member.name, carrier: carrier.clone(), material };
             found.extend(carrier.map(body));
         }
     }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::cloth::Restart;
 use super::event::Event;
-use super::moving_meshes::{Analyse, Force, MovingMeshes, Sheet, sheets};
+use super::moving_meshes::{Analyse, Force, MovingMeshes, WithMesh, with_meshes};
 use super::paper::ready_made::{Partition, Reader};
 use super::paper::{Analyser, PaperSettings, Participant};
 use crate::scene::Scene;
@@ -201,8 +201,8 @@ fn settings(paper: &Paper) -> PaperSettings {
 /// An object of paper without a mesh, regions that cannot be read; what cannot be read, later on.
 pub fn events(scene: &Scene, world: &World) -> Result<impl Iterator<Item = Result<Event>> + Send + use<>> {
     let mut bodies = Vec::new();
-    for Sheet { name, carrier, material } in
-        sheets(scene, world, "paper", |material| material.paper.is_some())?
+    for WithMesh { name, carrier, material } in
+        with_meshes(scene, world, "paper", |material| material.paper.is_some())?
     {
         let paper = material.and_then(|material| material.paper.as_ref());
         let regions = paper.and_then(|paper| Some(paper.regions.as_ref()?.path.clone()));

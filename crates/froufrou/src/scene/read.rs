@@ -20,6 +20,7 @@ use super::track::{Interpolation, Track, TrackKey};
 
 mod cloth;
 mod enclosure;
+mod named;
 mod paper;
 mod sounds;
 

@@ -6,6 +6,7 @@
 
 mod cloth;
 mod contacts;
+mod going;
 mod grains;
 mod palette;
 mod paper;
@@ -18,8 +19,9 @@ use std::sync::Arc;
 
 use self::cloth::Wardrobe;
 use self::contacts::LEAST_QUIET;
+use self::going::Going;
 use self::grains::Flow;
-use self::paper::Stack;
+use self::paper::Papers;
 use self::voice::{Follows, Place, Telling, Voice, faded};
 use super::retarget::{self, Repertoire, Shader};
 use super::{
@@ -198,8 +200,10 @@ pub struct Composer<'a, E> {
     shaders: HashMap<String, Shader>,
     /// What its cloths sound like.
     wardrobe: Wardrobe,
-    /// What is known of its sheets of paper.
-    stack: Stack,
+    /// What its papers sound like.
+    papers: Papers,
+    /// The threads of what goes on in cloths and papers.
+    going: BTreeMap<Going, u64>,
     /// Events that have been foreseen and are still to come.
     foreseen: VecDeque<Event>,
     /// By how much events are foreseen, in seconds: for what begins before them.
@@ -328,7 +332,8 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             repertoires: HashMap::new(),
             shaders: HashMap::new(),
             wardrobe: Wardrobe::default(),
-            stack: Stack::default(),
+            papers: Papers::default(),
+            going: BTreeMap::new(),
             foreseen: VecDeque::new(),
             foresight_s: 0.0,
             ready: VecDeque::new(),
@@ -344,8 +349,8 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         let pops = cloths.any(|cloth| !cloth.pops().is_empty());
         let energies = if pops { buckle_energies(scene, world)? } else { BTreeMap::new() };
         composer.wardrobe = Wardrobe::new(&composer, &energies)?;
-        composer.stack = Stack::new(&composer);
-        let leads_s = composer.wardrobe.longest_lead_s().max(composer.stack.longest_lead_s());
+        composer.papers = Papers::new(&composer);
+        let leads_s = composer.wardrobe.longest_lead_s().max(composer.papers.longest_lead_s());
         composer.foresight_s = composer.foresight_s.max(leads_s);
         let grains = scene.materials.iter().filter_map(|material| material.grains.as_ref());
         for shader in grains.filter_map(|grains| grains.shader.as_ref()) {
@@ -452,7 +457,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                     match event {
                         Event::Impact(impact) => self.strike(&impact)?,
                         Event::Buckle(buckle) => match self.paper_of(&buckle.cloth) {
-                            Some(paper) => self.fold(&buckle, paper)?,
+                            Some(paper) => self.crumple_paper(&buckle, paper)?,
                             None => self.crumple(&buckle)?,
                         },
                         event => self.foreseen.push_back(event),
@@ -463,11 +468,11 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                     Some(Event::Friction(friction)) => match self.paper_of(&friction.cloth) {
                         Some(paper) => {
                             let all = self.as_well(friction);
-                            self.scuff(&all, paper)?;
+                            self.rub_paper(&all, paper)?;
                         }
                         None => self.rustle(&friction)?,
                     },
-                    Some(Event::Tear(tear)) => self.rip(&tear)?,
+                    Some(Event::Tear(tear)) => self.tear_paper(&tear)?,
                     Some(Event::Flap(flap)) => self.flap(&flap)?,
                     Some(event) => {
                         if let Some((how, rub)) = event.rub() {

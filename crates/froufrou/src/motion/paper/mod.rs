@@ -217,14 +217,7 @@ impl Page {
             }
             None => regions.find(time_s, sheet, lie, bending, settings.flat_rad),
         }
-        let seen = Seen {
-            sheet,
-            lie,
-            regions,
-            is_ridge: &bending.is_ridge,
-            holds: &holding.holds,
-            flat_rad: settings.flat_rad,
-        };
+        let seen = Seen::new(sheet, lie, regions, bending, holding, settings.flat_rad);
         spreading.part(seen);
         let name = |object: u32| meshes.name(object);
         let mut events = Vec::new();
@@ -411,14 +404,7 @@ impl Analyser {
             return Vec::new();
         };
         let Page { settings, sheet, lie, bending, regions, holding, spreading, .. } = page;
-        let seen = Seen {
-            sheet,
-            lie,
-            regions,
-            is_ridge: &bending.is_ridge,
-            holds: &holding.holds,
-            flat_rad: settings.flat_rad,
-        };
+        let seen = Seen::new(sheet, lie, regions, bending, holding, settings.flat_rad);
         let own = self.meshes.objects().get(object);
         let welded = vertices.iter().filter_map(|&vertex| own?.surface().welded(vertex));
         spreading.resonators(seen, welded)

@@ -8,6 +8,8 @@
 
 use glam::DVec3;
 
+use super::bending::Bending;
+use super::holding::Holding;
 use super::regions::{LEAST_PART, Regions};
 use super::sheet::{Edge, Lie, NONE, Sheet};
 use crate::motion::cloth::triangulation::Triangulation;
@@ -57,7 +59,19 @@ pub(super) struct Seen<'a> {
     pub flat_rad: f64,
 }
 
-impl Seen<'_> {
+impl<'a> Seen<'a> {
+    /// A sheet as it lies, is bent and is held now; what turns by less than `flat_rad` over its size is flat.
+    pub fn new(
+        sheet: &'a Sheet,
+        lie: &'a Lie,
+        regions: &'a Regions,
+        bending: &'a Bending,
+        holding: &'a Holding,
+        flat_rad: f64,
+    ) -> Self {
+        Self { sheet, lie, regions, is_ridge: &bending.is_ridge, holds: &holding.holds, flat_rad }
+    }
+
     fn hold(&self, vertex: u32) -> Hold {
         self.holds.get(vertex as usize).copied().unwrap_or_default()
     }

@@ -2,8 +2,9 @@
 
 use super::super::asset::Folder;
 use super::super::toml::{Node, Table};
-use super::sounds::{gain_in, reference_distance};
-use super::{Keys, with_place};
+use super::Keys;
+use super::named::{Named, corpus_of};
+use super::sounds::gain_in;
 use crate::Result;
 use crate::corpus::cloth::{preset, synthetic};
 use crate::scene::file::{Cloth, Sheet};
@@ -53,21 +54,16 @@ const BLUR_M: f64 = 0.01;
 const FLOOR_MPS: f64 = 0.02;
 
 pub(super) fn cloth(node: &Node<'_, '_>, folder: &Folder) -> Result<Cloth> {
-    let table = if node.is_table() { Some(node.table(CLOTH)?) } else { None };
-    let named = match &table {
-        Some(table) => table.required("corpus", CORPUS)?,
-        None => node.clone(),
+    let said = Named::corpus(node, CLOTH, CORPUS)?;
+    let within = |key: &str, default: f64, what: &str, least: f64, most: f64| {
+        said.within(key, default, what, least, most)
     };
-    let get = |key: &str| table.as_ref().and_then(|table| table.get(key));
-    let within = |key: &str, default: f64, what: &str, from: f64, to: f64| {
-        get(key).map_or(Ok(default), |node| node.within(what, from, to))
-    };
-    let preset = get("preset").map(|node| preset(&node)).transpose()?;
-    let gain = |key: &str| table.as_ref().map_or(Ok(0.0), |table| gain_in(table, key));
-    let of_all_db = gain("gain_db")?;
+    let preset = said.get("preset").map(|node| preset(&node)).transpose()?;
+    let of_all_db = said.gain_db("gain_db")?;
     Ok(Cloth {
-        corpus: corpus(&named, folder)?,
-        against: get("against")
+        corpus: corpus(said.name(), folder)?,
+        against: said
+            .get("against")
             .map_or(Ok(Vec::new()), |node| against(&node.named()?, |node| corpus(node, folder)))?,
         radius_m: within("radius", preset.map_or(RADIUS_M, |p| p.contact_radius_m), "metres", 1e-4, 10.0)?,
         floor_speed_mps: within(
@@ -79,17 +75,19 @@ pub(super) fn cloth(node: &Node<'_, '_>, folder: &Folder) -> Result<Cloth> {
         )?,
         speed_scale_mps: within("speed_scale", 1.0, "metres a second", 1e-6, 1e6)?,
         speed_exponent: within("speed_exponent", 1.0, "a power", 0.05, 20.0)?,
-        force: get("force").map(|node| node.text("the name of an attribute of vertices")).transpose()?,
+        force: said.text("force", "the name of an attribute of vertices")?,
         pressure_pa: within("pressure", PRESSURE_PA, "pascals", 1e-3, 1e9)?,
         blur_m: within("blur", BLUR_M, "metres", 0.0, 1.0)?,
         least_energy_mps: within("least_energy", LEAST_ENERGY_MPS, "metres a second", 0.0, 1e9)?,
         jitter_s: within("jitter", 0.0, "seconds", 0.0, MOST_JITTER_S)?,
-        patches: get("patches").map_or(Ok(16), |node| node.whole("a number of patches", 1, MOST_PATCHES))?
+        patches: said
+            .get("patches")
+            .map_or(Ok(16), |node| node.whole("a number of patches", 1, MOST_PATCHES))?
             as usize,
-        membrane: get("membrane").map(|node| sheet(&node, of_all_db)).transpose()?.flatten(),
-        friction_db: of_all_db + gain("friction_db")?,
-        pops_db: of_all_db + gain("pops_db")?,
-        reference_distance_m: table.as_ref().map_or(Ok(1.0), reference_distance)?,
+        membrane: said.get("membrane").map(|node| sheet(&node, of_all_db)).transpose()?.flatten(),
+        friction_db: of_all_db + said.gain_db("friction_db")?,
+        pops_db: of_all_db + said.gain_db("pops_db")?,
+        reference_distance_m: said.reference_distance_m()?,
     })
 }
 
@@ -120,11 +118,7 @@ pub(super) const CORPUS: &str = "the folder of a corpus of cloth, or a model suc
 
 /// The name of a corpus, which must be there, or that of a model.
 pub(super) fn corpus(node: &Node<'_, '_>, folder: &Folder) -> Result<String> {
-    let name = node.text(CORPUS)?;
-    match synthetic::Cloth::named(&name) {
-        Some(model) => with_place(node, model.map(|_| name.clone())),
-        None => Ok(with_place(node, folder.folder(&name))?.name),
-    }
+    corpus_of(node, folder, CORPUS, synthetic::Cloth::named)
 }
 
 /// The corpora along other materials.

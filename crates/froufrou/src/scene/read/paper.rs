@@ -1,9 +1,9 @@
 //! A material of paper.
 
 use super::super::asset::Folder;
-use super::super::toml::{Node, Table};
+use super::super::toml::Node;
 use super::cloth::against;
-use super::sounds::{gain_in, reference_distance};
+use super::named::{Named, corpus_of};
 use super::{Keys, with_place};
 use crate::Result;
 use crate::corpus::paper::synthetic;
@@ -45,50 +45,41 @@ const WEIGHT_N: f64 = 0.05;
 const MOST_HELD: u64 = u32::MAX as u64;
 
 pub(super) fn paper(node: &Node<'_, '_>, folder: &Folder) -> Result<Paper> {
-    let table = if node.is_table() { Some(node.table(PAPER)?) } else { None };
-    let named = match &table {
-        Some(table) => table.required("corpus", CORPUS)?,
-        None => node.clone(),
+    let said = Named::corpus(node, PAPER, CORPUS)?;
+    let within = |key: &str, default: f64, what: &str, least: f64, most: f64| {
+        said.within(key, default, what, least, most)
     };
-    let get = |key: &str| table.as_ref().and_then(|table| table.get(key));
-    let within = |key: &str, default: f64, what: &str, from: f64, to: f64| {
-        get(key).map_or(Ok(default), |node| node.within(what, from, to))
-    };
-    let gain = |key: &str| table.as_ref().map_or(Ok(0.0), |table: &Table<'_, '_>| gain_in(table, key));
-    let of_all_db = gain("gain_db")?;
+    let of_all_db = said.gain_db("gain_db")?;
     let regions =
         |node: Node<'_, '_>| with_place(&node, folder.file(&node.text("the name of a file of regions")?));
     Ok(Paper {
-        corpus: corpus(&named, folder)?,
-        against: get("against")
+        corpus: corpus(said.name(), folder)?,
+        against: said
+            .get("against")
             .map_or(Ok(Vec::new()), |node| against(&node.named()?, |node| corpus(node, folder)))?,
-        regions: get("regions").map(regions).transpose()?,
-        held: get("held").map_or(Ok(Vec::new()), |node| held(&node))?,
-        force: get("force").map(|node| node.text("the name of an attribute of vertices")).transpose()?,
+        regions: said.get("regions").map(regions).transpose()?,
+        held: said.get("held").map_or(Ok(Vec::new()), |node| held(&node))?,
+        force: said.text("force", "the name of an attribute of vertices")?,
         reference_force_n: within("reference_force", WEIGHT_N, "newtons", 1e-9, 1e9)?,
         radius_m: within("radius", 0.005, "metres", 0.0, 10.0)?,
         floor_speed_mps: within("floor_speed", 0.03, "metres a second", 0.0, 100.0)?,
         ridge_rad: within("ridge", 0.5, "radians", 0.0, 3.2)?,
         flat_rad: within("flat", 0.25, "radians", 0.0, 100.0)?,
-        average_m: get("average").map(|node| node.within("metres", 0.0, 10.0)).transpose()?,
+        average_m: said.get("average").map(|node| node.within("metres", 0.0, 10.0)).transpose()?,
         least_energy_mps: within("least_energy", 0.1, "metres a second", 0.0, 1e9)?,
         reference_energy_mps: within("reference_energy", REFERENCE_MPS, "metres a second", 1e-9, 1e9)?,
         slip: within("slip", 1.0, "a factor", 0.0, 100.0)?,
         tearing: within("tearing", 1.0, "a factor", 0.0, 1000.0)?,
         coherence: within("coherence", 1.0, "a number", 0.0, 1.0)?,
-        crumple_db: of_all_db + gain("crumple_db")?,
-        friction_db: of_all_db + gain("friction_db")?,
-        reference_distance_m: table.as_ref().map_or(Ok(1.0), reference_distance)?,
+        crumple_db: of_all_db + said.gain_db("crumple_db")?,
+        friction_db: of_all_db + said.gain_db("friction_db")?,
+        reference_distance_m: said.reference_distance_m()?,
     })
 }
 
 /// The name of a database, which must be there, or that of a model.
 pub(super) fn corpus(node: &Node<'_, '_>, folder: &Folder) -> Result<String> {
-    let name = node.text(CORPUS)?;
-    match synthetic::Paper::named(&name) {
-        Some(model) => with_place(node, model.map(|_| name.clone())),
-        None => Ok(with_place(node, folder.folder(&name))?.name),
-    }
+    corpus_of(node, folder, CORPUS, synthetic::Paper::named)
 }
 
 /// The numbers of vertices.

@@ -9,6 +9,7 @@ use super::super::file::{
     Scene, SceneSound, SetKey, StartKey, Timing,
 };
 use super::super::toml::{Node, Table};
+use super::named::Named;
 use super::{Keys, cloth, one_or_many, paper, unknown, with_place};
 use crate::Result;
 use crate::score::{Blow, INSTRUMENTS, Make, Mode, Radiation, Repeat};
@@ -409,32 +410,23 @@ fn rub(table: &Table<'_, '_>, instruments: &[Instrument], folder: &Folder) -> Re
 /// The folder of a corpus, or a table.
 fn grains(node: &Node<'_, '_>, folder: &Folder) -> Result<GrainSound> {
     let what = "the folder of a corpus";
-    let table = if node.is_table() { Some(node.table(GRAINS)?) } else { None };
-    let named = match &table {
-        Some(table) => table.required("corpus", what)?,
-        None => node.clone(),
-    };
-    let get = |key: &str| table.as_ref().and_then(|table| table.get(key));
-    let positive =
-        |key: &str, default: f64, what: &str| get(key).map_or(Ok(default), |node| node.positive(what));
-    let not_negative =
-        |key: &str, default: f64, what: &str| get(key).map_or(Ok(default), |node| node.not_negative(what));
+    let said = Named::corpus(node, GRAINS, what)?;
     let shader =
-        get("shader").map(|node| with_place(&node, folder.file(&node.text("the name of a script")?)));
+        said.get("shader").map(|node| with_place(&node, folder.file(&node.text("the name of a script")?)));
     Ok(GrainSound {
-        corpus: with_place(&named, folder.folder(&named.text(what)?))?,
+        corpus: with_place(said.name(), folder.folder(&said.name().text(what)?))?,
         shader: shader.transpose()?,
-        gain_db: table.as_ref().map_or(Ok(0.0), gain_db)?,
-        reference_impulse_ns: positive("reference_impulse", 1.0, "a number of newton seconds")?,
-        floor_impulse_ns: not_negative("floor_impulse", 0.01, "a number of newton seconds")?,
-        retrigger_s: not_negative("retrigger", 0.03, "a number of seconds")?,
-        reference_power_w: positive("reference_power", 10.0, "a number of watts")?,
-        floor_speed_mps: not_negative("floor_speed", 0.005, "metres a second")?,
-        reference_speed_mps: positive("reference_speed", 1.0, "metres a second")?,
-        pitch: get("pitch").map_or(Ok(0.25), |node| node.within("a power", -2.0, 2.0))?,
-        reference_force_n: positive("reference_force", 10.0, "a number of newtons")?,
-        spread: get("spread").map_or(Ok(0.005), |node| node.within("a part of the pitch", 0.0, 0.2))?,
-        reference_distance_m: table.as_ref().map_or(Ok(1.0), reference_distance)?,
+        gain_db: said.gain_db("gain_db")?,
+        reference_impulse_ns: said.positive("reference_impulse", 1.0, "a number of newton seconds")?,
+        floor_impulse_ns: said.not_negative("floor_impulse", 0.01, "a number of newton seconds")?,
+        retrigger_s: said.not_negative("retrigger", 0.03, "a number of seconds")?,
+        reference_power_w: said.positive("reference_power", 10.0, "a number of watts")?,
+        floor_speed_mps: said.not_negative("floor_speed", 0.005, "metres a second")?,
+        reference_speed_mps: said.positive("reference_speed", 1.0, "metres a second")?,
+        pitch: said.within("pitch", 0.25, "a power", -2.0, 2.0)?,
+        reference_force_n: said.positive("reference_force", 10.0, "a number of newtons")?,
+        spread: said.within("spread", 0.005, "a part of the pitch", 0.0, 0.2)?,
+        reference_distance_m: said.reference_distance_m()?,
     })
 }
 

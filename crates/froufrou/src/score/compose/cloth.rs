@@ -8,7 +8,8 @@ use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::voice::{Place, Telling, Voice};
+use super::going::{Does, Going};
+use super::voice::{Place, Telling};
 use super::{Composer, Due, What, from_db, palette, tidy};
 use crate::corpus::cloth::ClothSound;
 use crate::corpus::cloth::playback::Playback;
@@ -34,21 +35,8 @@ pub(super) struct Wardrobe {
     sounds: BTreeMap<String, Worn>,
     /// How pops are chosen, by the name of the cloth.
     playbacks: BTreeMap<String, Playback>,
-    /// The threads of patches, by the cloth, the patch and what it does.
-    threads: BTreeMap<(String, u32, Does), u64>,
     /// How many pops a cloth has played.
     counts: BTreeMap<String, u64>,
-}
-
-/// What a patch of a cloth has a thread for.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-enum Does {
-    /// It rubs along something.
-    Rub(String),
-    /// It buckles.
-    Pop,
-    /// It beats the air.
-    Flap,
 }
 
 /// The sound of a cloth.
@@ -132,9 +120,10 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         told.iter_mut().for_each(|(_, value)| *value = tidy(*value));
         let time_s = friction.time_s;
         let gain = from_db(cloth.friction_db) * cloth.reference_distance_m;
-        let does = Does::Rub(friction.other.clone());
-        let id = self.thread((&friction.cloth, friction.patch, does), time_s, friction.position_m, || {
-            (name, format!("{} rubs along {}, {}", friction.cloth, friction.other, friction.cause))
+        let going = Going::new(&friction.cloth, friction.patch, Does::Rub(friction.other.clone()));
+        let id = self.thread(going, time_s, friction.position_m, || Start {
+            cause: format!("{} rubs along {}, {}", friction.cloth, friction.other, friction.cause),
+            ..Start::new(name)
         });
         let moment = (time_s, friction.lasts_s);
         let place = Carrier::still(friction.position_m);
@@ -159,8 +148,10 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         let end_s = begin_s + pop.length_s;
         let now_s = (buckle.time_s - self.foresight_s).max(0.0);
         let Buckle { energy_mps, vertices, cause, .. } = buckle;
-        let id = self.thread((&buckle.cloth, buckle.patch, Does::Pop), now_s, buckle.patch_m, || {
-            (name, format!("{} buckles, {cause}", buckle.cloth))
+        let going = Going::new(&buckle.cloth, buckle.patch, Does::Pop);
+        let id = self.thread(going, now_s, buckle.patch_m, || Start {
+            cause: format!("{} buckles, {cause}", buckle.cloth),
+            ..Start::new(name)
         });
         let cause = format!(
             "{} buckles, {energy_mps:.4} m/s over {vertices} vertices: pop {}, {cause}",
@@ -201,34 +192,14 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             let blow = Blow { impulse_ns: tidy(impulse_ns), place: SNAPS_AT, contact_s: sheet.contact_s };
             told.push((time_s, Action::Strike(blow)));
         }
-        let id = self.thread((&flap.cloth, flap.patch, Does::Flap), time_s, flap.position_m, || {
-            (name, format!("{} beats the air, {}", flap.cloth, flap.cause))
+        let going = Going::new(&flap.cloth, flap.patch, Does::Flap);
+        let id = self.thread(going, time_s, flap.position_m, || Start {
+            cause: format!("{} beats the air, {}", flap.cloth, flap.cause),
+            ..Start::new(name)
         });
         let gain = from_db(sheet.gain_db) * cloth.reference_distance_m;
         self.go_on(id, (time_s, flap.lasts_s), Carrier::still(flap.position_m), gain, told);
         Ok(())
-    }
-
-    /// The thread of what a patch of a cloth does: the one that there is, or a new one, of a sound and for a cause.
-    fn thread(
-        &mut self,
-        (cloth, patch, does): (&str, u32, Does),
-        time_s: f64,
-        position_m: [f64; 3],
-        begins: impl FnOnce() -> (String, String),
-    ) -> u64 {
-        let key = (cloth.to_owned(), patch, does);
-        let known = self.wardrobe.threads.get(&key).copied();
-        if let Some(id) = known.filter(|id| self.voices.contains_key(id)) {
-            return id;
-        }
-        let (sound, cause) = begins();
-        let start = Start { object: cloth.to_owned(), cause, ..Start::new(sound) };
-        let voices = &self.voices;
-        self.wardrobe.threads.retain(|_, id| voices.contains_key(id));
-        let id = self.begin(time_s, Voice::at(start, position_m, time_s));
-        self.wardrobe.threads.insert(key, id);
-        id
     }
 
     /// The name of the sound of a corpus of cloth.

@@ -1,9 +1,9 @@
 //! Paper: what sounds as it crumples, rubs and tears (Schreck et al. 2016).
 //!
 //! A crumpling plays a clip for each resonator that it sets vibrating, in a thread of its own; resonators share its power
-//! by their areas. All that rubs of a sheet
-//! along what has one sound is one thread, which is told how loud each spectrum of the database is; and so is all that
-//! tears of it. Each is a small disk, a dipole across the paper.
+//! by their areas. All that rubs of a sheet along what has one sound is one thread, which is told how loud each spectrum of
+//! the database is: its speed, the third power of its size against the database's, and the root of how hard it presses. All
+//! that tears of a sheet is one thread. Clips and friction radiate as a small disk does, a dipole across the paper.
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::going::{Does, Going};
 use super::voice::{Place, Voice};
 use super::{Composer, from_db, palette, tidy};
 use crate::corpus::paper::PaperSound;
@@ -34,25 +35,15 @@ pub(super) fn radiation() -> Radiation {
     Radiation::Harmonics(Directivity::DIPOLE.coefficients[..4].to_vec())
 }
 
-/// What is known of the sheets of a scene.
+/// What papers sound like, and what is known of their sheets.
 #[derive(Default)]
-pub(super) struct Stack {
+pub(super) struct Papers {
     /// Databases, by the name of the sound.
     sounds: BTreeMap<String, Arc<PaperSound>>,
-    /// What rubs, by the sheet and the sound.
-    rubbing: BTreeMap<(String, String), Rubbing>,
-    /// The threads of sheets that tear.
-    tearing: BTreeMap<String, u64>,
+    /// The spectra that threads of friction were told of last, by the thread.
+    told: BTreeMap<u64, Vec<usize>>,
     /// The clips that a sheet has played: how many, and the last one.
     played: BTreeMap<String, (u64, Option<usize>)>,
-}
-
-/// A thread of a sheet that rubs.
-#[derive(Default)]
-struct Rubbing {
-    thread: u64,
-    /// The spectra that it was told of last.
-    spectra: Vec<usize>,
 }
 
 /// What rubs at once and sounds alike.
@@ -78,7 +69,7 @@ impl Gathered {
     }
 }
 
-impl Stack {
+impl Papers {
     /// From what is known of the sounds of a score.
     pub fn new<E: Iterator<Item = Result<Event>>>(composer: &Composer<'_, E>) -> Self {
         let paper = |(name, facts): (&String, &super::SoundFacts)| Some((name.clone(), facts.paper.clone()?));
@@ -117,12 +108,12 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
     }
 
     /// A sheet crumples: a clip for each resonator.
-    pub(super) fn fold(&mut self, buckle: &Buckle, paper: &'s Paper) -> Result<()> {
+    pub(super) fn crumple_paper(&mut self, buckle: &Buckle, paper: &'s Paper) -> Result<()> {
         if buckle.time_s < 0.0 {
             return Ok(());
         }
         let name = self.sheet_of(paper, &paper.corpus)?;
-        let Some(sound) = self.stack.sounds.get(&name).cloned() else { return Ok(()) };
+        let Some(sound) = self.papers.sounds.get(&name).cloned() else { return Ok(()) };
         let number = self.sheet_number(&buckle.cloth);
         let loud = buckle.energy_mps / paper.reference_energy_mps;
         let gain = from_db(paper.crumple_db) * paper.reference_distance_m * loud;
@@ -131,7 +122,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             // Clips have nothing to do with one another: their powers add.
             let share = if all_m2 > 0.0 { (resonator.area_m2 / all_m2).sqrt() } else { 1.0 };
             let random = Random::new(self.scene.seed ^ CLIPS, number);
-            let (count, last) = self.stack.played.entry(buckle.cloth.clone()).or_default();
+            let (count, last) = self.papers.played.entry(buckle.cloth.clone()).or_default();
             let Some(clip) = sound.clip(resonator.ruling_m, resonator.border_m, *last, random, *count) else {
                 continue;
             };
@@ -156,7 +147,6 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             };
             let mut voice = Voice::at(start, resonator.position_m, begin_s);
             voice.place = Place::Carrier(facing(resonator.position_m, resonator.normal));
-            voice.turns = true;
             voice.gain =
                 vec![(begin_s, tidy(gain * share * size(resonator, entry.ruling_m, entry.border_m)))];
             voice.end_s = begin_s + entry.length_s;
@@ -168,7 +158,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
     }
 
     /// A sheet rubs for a moment: all of its parts that do, at once.
-    pub(super) fn scuff(&mut self, frictions: &[Friction], paper: &'s Paper) -> Result<()> {
+    pub(super) fn rub_paper(&mut self, frictions: &[Friction], paper: &'s Paper) -> Result<()> {
         let Some(first) = frictions.first().filter(|first| first.time_s >= 0.0) else { return Ok(()) };
         let mut gathered: BTreeMap<String, Gathered> = BTreeMap::new();
         for friction in frictions {
@@ -177,7 +167,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             let along = material.and_then(|material| Some(&self.scene.materials.get(material)?.name));
             let corpus = paper.against.iter().find(|(name, _)| Some(name) == along);
             let name = self.sheet_of(paper, corpus.map_or(&paper.corpus, |(_, corpus)| corpus))?;
-            let Some(sound) = self.stack.sounds.get(&name) else { continue };
+            let Some(sound) = self.papers.sounds.get(&name) else { continue };
             let sums = gathered.entry(name).or_default();
             if !sums.along.contains(&friction.other) {
                 sums.along += if sums.along.is_empty() { "" } else { ", " };
@@ -198,40 +188,33 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         }
         for (name, sums) in gathered {
             if sums.weight > 0.0 {
-                self.scuff_one(first, paper, name, &sums)?;
+                self.rub_thread(first, paper, name, &sums)?;
             }
         }
         Ok(())
     }
 
     /// Tells the thread of what rubs and sounds alike.
-    fn scuff_one(&mut self, first: &Friction, paper: &Paper, name: String, sums: &Gathered) -> Result<()> {
+    fn rub_thread(&mut self, first: &Friction, paper: &Paper, name: String, sums: &Gathered) -> Result<()> {
         let Friction { time_s, lasts_s, cloth, cause, .. } = first;
         let position_m = (sums.position / sums.weight).to_array();
-        let key = (cloth.clone(), name.clone());
-        let known = self.stack.rubbing.get(&key).map(|rubbing| rubbing.thread);
-        let thread = match known.filter(|thread| self.voices.contains_key(thread)) {
-            Some(thread) => thread,
-            None => {
-                let cause = format!("{cloth} rubs along {}, {cause}", sums.along);
-                let start = Start { object: cloth.clone(), cause, pattern: self.disk(), ..Start::new(name) };
-                let mut voice = Voice::at(start, position_m, *time_s);
-                voice.turns = true;
-                let thread = self.begin(*time_s, voice);
-                let voices = &self.voices;
-                self.stack.rubbing.retain(|_, rubbing| voices.contains_key(&rubbing.thread));
-                self.stack.rubbing.insert(key.clone(), Rubbing { thread, spectra: Vec::new() });
-                thread
-            }
-        };
-        let Some(rubbing) = self.stack.rubbing.get_mut(&key) else { return Ok(()) };
+        let going = Going::new(cloth, 0, Does::Rub(name.clone()));
+        let pattern = self.disk();
+        let thread = self.thread(going, *time_s, position_m, || Start {
+            cause: format!("{cloth} rubs along {}, {cause}", sums.along),
+            pattern,
+            ..Start::new(name)
+        });
+        let voices = &self.voices;
+        self.papers.told.retain(|thread, _| voices.contains_key(thread));
+        let spectra = sums.levels.keys().copied().collect();
+        let before = self.papers.told.insert(thread, spectra).unwrap_or_default();
         // What sounds no more is told so.
         let mut told: Vec<(String, f64)> = Vec::new();
-        for &spectrum in rubbing.spectra.iter().filter(|spectrum| !sums.levels.contains_key(spectrum)) {
+        for &spectrum in before.iter().filter(|spectrum| !sums.levels.contains_key(spectrum)) {
             told.push((friction_control(spectrum), 0.0));
         }
         told.extend(sums.levels.iter().map(|(spectrum, level)| (friction_control(*spectrum), tidy(*level))));
-        rubbing.spectra = sums.levels.keys().copied().collect();
         let gain = from_db(paper.friction_db) * paper.reference_distance_m;
         let place = facing(position_m, sums.normal.to_array());
         self.go_on(thread, (*time_s, *lasts_s), place, gain, vec![(*time_s, Action::Set(told))]);
@@ -239,7 +222,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
     }
 
     /// A sheet tears.
-    pub(super) fn rip(&mut self, tear: &Tear) -> Result<()> {
+    pub(super) fn tear_paper(&mut self, tear: &Tear) -> Result<()> {
         let Some(paper) = self.paper_of(&tear.sheet) else { return Ok(()) };
         let Cause::Motion(moved) = &tear.cause else { return Ok(()) };
         let (from_s, lasts_s) = (moved.from_s.max(0.0), moved.to_s - moved.from_s.max(0.0));
@@ -247,23 +230,15 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             return Ok(());
         }
         let name = self.sheet_of(paper, &paper.corpus)?;
-        let known = self.stack.tearing.get(&tear.sheet).copied();
         // It is known as soon as it has happened, so it sounds a frame late.
         let time_s = tear.time_s.max(from_s);
-        let thread = match known.filter(|thread| self.voices.contains_key(thread)) {
-            Some(thread) => thread,
-            None => {
-                let cause = format!("{} tears, {}", tear.sheet, tear.cause);
-                let start = Start { object: tear.sheet.clone(), cause, ..Start::new(name) };
-                let thread = self.begin(time_s, Voice::at(start, tear.position_m, time_s));
-                let voices = &self.voices;
-                self.stack.tearing.retain(|_, thread| voices.contains_key(thread));
-                self.stack.tearing.insert(tear.sheet.clone(), thread);
-                thread
-            }
-        };
-        let told = |speed: f64| Action::Set(vec![("tear".to_owned(), tidy(speed))]);
-        let told = vec![(time_s, told(tear.length_m / lasts_s))];
+        let going = Going::new(&tear.sheet, 0, Does::Tear);
+        let thread = self.thread(going, time_s, tear.position_m, || Start {
+            cause: format!("{} tears, {}", tear.sheet, tear.cause),
+            ..Start::new(name)
+        });
+        let speed_mps = tidy(tear.length_m / lasts_s);
+        let told = vec![(time_s, Action::Set(vec![("tear".to_owned(), speed_mps)]))];
         let gain = from_db(paper.friction_db) * paper.reference_distance_m;
         self.go_on(thread, (time_s, lasts_s), Carrier::still(tear.position_m), gain, told);
         Ok(())

@@ -62,9 +62,10 @@ impl Voice {
     /// One that begins somewhere, without a gain, and is over at once until it is told otherwise.
     pub fn at(start: Start, position_m: [f64; 3], time_s: f64) -> Self {
         Self {
+            // What radiates by a pattern says how it is turned.
+            turns: !start.pattern.is_empty(),
             start: Some(start),
             place: Place::Carrier(Carrier::still(position_m)),
-            turns: false,
             gain: Vec::new(),
             end_s: time_s,
             passed_s: time_s,

@@ -168,6 +168,7 @@ impl Instrument for Paper {
         Ok(Box::new(Playing {
             noise: Noise::new(hop_samples(rate_hz), own(FRICTION)),
             amplitudes: Vec::new(),
+            squares: Vec::new(),
             gains: vec![0.0; self.sound.spectra().len()],
             onset: Onset::new(self.slip, self.slip_spacing_m, rate_hz, own(SLIPS))?,
             tear: Tear::new(ready.fibres.clone(), own(FIBRES)),
@@ -195,6 +196,7 @@ struct Playing {
     ready: Arc<Ready>,
     noise: Noise,
     amplitudes: Vec<f32>,
+    squares: Vec<f32>,
     gains: Vec<f64>,
     onset: Onset,
     tear: Tear,
@@ -235,7 +237,7 @@ impl Playing {
                 for (spectrum, gain) in self.gains.iter_mut().enumerate() {
                     *gain = control(stretch, spectrum, 0.0).at(index, count).min(MOST_GAIN);
                 }
-                self.ready.spectra.mix(&self.gains, &mut self.amplitudes);
+                self.ready.spectra.mix(&self.gains, &mut self.squares, &mut self.amplitudes);
                 self.noise.begin(number / hop as u64, &self.amplitudes);
             }
             let length = (hop - within).min(count - index);

@@ -58,15 +58,15 @@ impl RateSpectra {
         &self.levels
     }
 
-    /// Fills `out` with the amplitudes of cosines of all that sounds; with none where nothing does.
-    pub fn mix(&self, gains: &[f64], out: &mut Vec<f32>) {
+    /// Fills `out` with the amplitudes of cosines of all that sounds; with none where nothing does. `room` is room to work in.
+    pub fn mix(&self, gains: &[f64], room: &mut Vec<f32>, out: &mut Vec<f32>) {
         out.clear();
         let heard = || self.amplitudes.chunks(self.bins.max(1)).zip(gains).filter(|(_, gain)| **gain > 0.0);
         match heard().count() {
             0 => return,
             // One alone is itself, whatever the coherence.
             1 => {}
-            _ if self.coherence < 1.0 => return self.mix_partly(heard(), out),
+            _ if self.coherence < 1.0 => return self.mix_partly(heard(), room, out),
             _ => {}
         }
         out.resize(self.bins, 0.0);
@@ -76,18 +76,24 @@ impl RateSpectra {
         }
     }
 
-    fn mix_partly<'a>(&self, heard: impl Iterator<Item = (&'a [f32], &'a f64)>, out: &mut Vec<f32>) {
-        let mut squares = vec![0.0f32; self.bins];
+    fn mix_partly<'a>(
+        &self,
+        heard: impl Iterator<Item = (&'a [f32], &'a f64)>,
+        squares: &mut Vec<f32>,
+        out: &mut Vec<f32>,
+    ) {
+        squares.clear();
+        squares.resize(self.bins, 0.0);
         out.resize(self.bins, 0.0);
         for (amplitudes, gain) in heard {
             let gain = *gain as f32;
-            for ((out, square), amplitude) in out.iter_mut().zip(&mut squares).zip(amplitudes) {
+            for ((out, square), amplitude) in out.iter_mut().zip(&mut *squares).zip(amplitudes) {
                 let heard = gain * amplitude;
                 *out += heard;
                 *square += heard * heard;
             }
         }
-        for (out, square) in out.iter_mut().zip(&squares) {
+        for (out, square) in out.iter_mut().zip(&*squares) {
             *out = ((1.0 - self.coherence) * square + self.coherence * *out * *out).sqrt();
         }
     }
