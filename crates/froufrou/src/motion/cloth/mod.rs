@@ -3,7 +3,7 @@
 //!
 //! `triangulation` is what stays of a mesh, `curvature` how it is bent; `buckles` follows the places where that
 //! changes its sign. `geodesic` is what belongs to a vertex's own surroundings, `proximity` what it touches beyond them
-//! (by the `tree` of each mesh and the point of a `triangle`); `sliding` how fast it moves along that. The
+//! (by the `tree` of each mesh, its `leaf`s and the point of a `triangle`); `sliding` how fast it moves along that. The
 //! [`Analyser`] feeds them all.
 //!
 //! # The energies of An et al.
@@ -17,6 +17,7 @@ pub mod buckles;
 pub mod curvature;
 pub(super) mod gather;
 mod geodesic;
+mod leaf;
 pub(super) mod meshes;
 mod patches;
 pub(in crate::motion) mod pressing;

@@ -142,36 +142,11 @@ impl Proximity {
             return &self.last;
         }
         let positions = objects.get(self.own as usize).map_or(&[][..], |own| &own.positions);
-        let (own, radius_m, surroundings) = (self.own, self.radius_m, &self.surroundings);
+        let (radius_m, own, surroundings) = (self.radius_m, self.own, self.surroundings.as_ref());
         let portions = self.vertices.par_chunks(PORTION).zip(self.last.par_chunks_mut(PORTION));
         portions.for_each(|(vertices, last)| {
-            for (&vertex, last) in vertices.iter().zip(last) {
-                let Some(&point) = positions.get(vertex as usize) else { continue };
-                let mut best = Best::within(radius_m);
-                // What it touched before is likely near: nothing that is further away has to be looked at.
-                if let Some(before) = last
-                    && let Some(object) = objects.get(before.object as usize)
-                    && let Some(found) =
-                        object.tree.nearest_of(before.triangle, DVec3::from(point.map(f64::from)))
-                {
-                    best.offer(before.object, before.triangle, found);
-                }
-                for (number, object) in objects.iter().enumerate() {
-                    if number as u32 != own {
-                        object.tree.nearest(number as u32, point, &[], &mut best);
-                    }
-                }
-                // Most of what is near of itself does not count: it is cheaper to ask for less.
-                if let (Some(surroundings), Some(object)) = (surroundings, objects.get(own as usize)) {
-                    object.tree.nearest(own, point, surroundings.of(vertex), &mut best);
-                }
-                *last = best.found().map(|best| Contact {
-                    object: best.object,
-                    triangle: best.triangle,
-                    barycentric: best.nearest.weights,
-                    distance_m: best.nearest.squared_m2.sqrt(),
-                });
-            }
+            let portion = Portion { radius_m, own, surroundings, objects, positions, vertices, last };
+            pulp::Arch::new().dispatch(portion);
         });
         &self.last
     }
@@ -179,6 +154,53 @@ impl Proximity {
     /// Forgets what was touched, where triangles are numbered anew.
     pub fn forget(&mut self) {
         self.last.fill(None);
+    }
+}
+
+/// Some vertices of the cloth, and what they touched last, on the vector units that there are.
+struct Portion<'a> {
+    radius_m: f64,
+    own: u32,
+    surroundings: Option<&'a Surroundings>,
+    objects: &'a [Touchable],
+    positions: &'a [[f32; 3]],
+    vertices: &'a [u32],
+    last: &'a mut [Option<Contact>],
+}
+
+impl pulp::WithSimd for Portion<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { radius_m, own, surroundings, objects, positions, vertices, last } = self;
+        for (&vertex, last) in vertices.iter().zip(last) {
+            let Some(&point) = positions.get(vertex as usize) else { continue };
+            let mut best = Best::within(radius_m);
+            // What it touched before is likely near: nothing that is further away has to be looked at.
+            if let Some(before) = last
+                && let Some(object) = objects.get(before.object as usize)
+                && let Some(found) =
+                    object.tree.nearest_of(before.triangle, DVec3::from(point.map(f64::from)))
+            {
+                best.offer(before.object, before.triangle, found);
+            }
+            for (number, object) in objects.iter().enumerate() {
+                if number as u32 != own {
+                    object.tree.nearest(number as u32, point, &[], &mut best);
+                }
+            }
+            // Most of what is near of itself does not count: it is cheaper to ask for less.
+            if let (Some(surroundings), Some(object)) = (surroundings, objects.get(own as usize)) {
+                object.tree.nearest(own, point, surroundings.of(vertex), &mut best);
+            }
+            *last = best.found().map(|best| Contact {
+                object: best.object,
+                triangle: best.triangle,
+                barycentric: best.nearest.weights,
+                distance_m: best.nearest.squared_m2.sqrt(),
+            });
+        }
     }
 }
 

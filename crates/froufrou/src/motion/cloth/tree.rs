@@ -5,16 +5,17 @@
 use glam::DVec3;
 
 use super::geodesic::holds;
+use super::leaf::{Leaf, greater, lesser};
 use super::triangle::{Nearest, nearest};
 use super::triangulation::Triangulation;
 
 /// Children of a node at most.
-const WIDTH: usize = 8;
+pub(super) const WIDTH: usize = 8;
 /// Boxes are measured in single precision, as is the best against them. What is further by this part may be left out.
 const MARGIN: f32 = 1.0 - 1e-5;
 
 /// A number for each child.
-type Lanes = [f32; WIDTH];
+pub(super) type Lanes = [f32; WIDTH];
 
 #[derive(Debug, Clone, Copy)]
 struct Node {
@@ -24,15 +25,18 @@ struct Node {
     /// The triangles within, as they lie in the order of the tree: the first, and behind the last.
     first: u32,
     end: u32,
-    /// The first of its children, which lie side by side; 0 where they are triangles, from `first` on.
+    /// The first of its children, which lie side by side, or its leaf.
     child: u32,
     children: u32,
+    /// Whether its children are triangles, from `first` on.
+    is_leaf: bool,
 }
 
 /// The tree.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Tree {
     nodes: Vec<Node>,
+    leaves: Vec<Leaf>,
     /// The triangles in its order.
     order: Vec<u32>,
     /// The place of each triangle in its order.
@@ -117,9 +121,10 @@ impl Tree {
             end: end as u32,
             child: 0,
             children: (end - first) as u32,
+            is_leaf: true,
         };
         let mut nodes = vec![node(0, order.len())];
-        let mut ends = Vec::new();
+        let (mut ends, mut leaves) = (Vec::new(), 0);
         let mut at = 0;
         while let Some(&Node { first, end, .. }) = nodes.get(at) {
             let (mut first, end) = (first as usize, end as usize);
@@ -129,11 +134,15 @@ impl Tree {
                 let parts = count.div_ceil(WIDTH).min(WIDTH);
                 ends.clear();
                 cut(&mut order[first..end], parts, &centres, first, &mut ends);
-                (nodes[at].child, nodes[at].children) = (nodes.len() as u32, parts as u32);
+                nodes[at] =
+                    Node { child: nodes.len() as u32, children: parts as u32, is_leaf: false, ..nodes[at] };
                 for &end in &ends {
                     nodes.push(node(first, end));
                     first = end;
                 }
+            } else {
+                nodes[at].child = leaves as u32;
+                leaves += 1;
             }
             at += 1;
         }
@@ -141,7 +150,8 @@ impl Tree {
         for (slot, &triangle) in order.iter().enumerate() {
             slots[triangle as usize] = slot as u32;
         }
-        let mut tree = Self { nodes, order, slots, corners: Vec::new() };
+        let leaves = vec![Leaf::default(); leaves];
+        let mut tree = Self { nodes, leaves, order, slots, corners: Vec::new() };
         tree.refit(surface, positions);
         tree
     }
@@ -158,10 +168,11 @@ impl Tree {
         let corners = |&t: &u32| triangles[t as usize].map(|vertex| positions[vertex as usize]);
         self.corners.extend(self.order.iter().map(corners));
         for at in (0..self.nodes.len()).rev() {
-            let Node { first, child, children, .. } = self.nodes[at];
+            let Node { first, child, children, is_leaf, .. } = self.nodes[at];
             for lane in 0..children as usize {
-                let (low, high) = if child == 0 {
+                let (low, high) = if is_leaf {
                     let [a, b, c] = self.corners[first as usize + lane];
+                    self.leaves[child as usize].set(lane, [a, b, c]);
                     let by = |less: fn(f32, f32) -> f32| {
                         std::array::from_fn(|axis| less(less(a[axis], b[axis]), c[axis]))
                     };
@@ -195,6 +206,7 @@ impl Tree {
 
     /// The triangles of this tree that are nearer to a point than the best so far. Those whose slots lie in the
     /// intervals `left_out` are left out.
+    #[inline(always)]
     pub fn nearest(&self, object: u32, point: [f32; 3], left_out: &[[u32; 2]], best: &mut Best) {
         if self.order.is_empty() {
             return;
@@ -216,11 +228,14 @@ impl Tree {
                 near |= u32::from(squared <= bound) << lane;
             }
             near &= (1 << node.children) - 1;
+            if node.is_leaf && near != 0 {
+                near &= self.leaves[node.child as usize].may_be_within(point, bound);
+            }
             let bottom = height;
             while near != 0 {
                 let lane = near.trailing_zeros();
                 near &= near - 1;
-                if node.child == 0 {
+                if node.is_leaf {
                     let slot = node.first + lane;
                     if squares[lane as usize] <= bound
                         && (object, self.order[slot as usize]) != (best.object, best.triangle)
@@ -250,17 +265,6 @@ impl Tree {
             }
         }
     }
-}
-
-// Other than those of the standard library these need not heed what is no number.
-#[inline(always)]
-fn lesser(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
-#[inline(always)]
-fn greater(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
 }
 
 fn fold(lanes: &Lanes, by: fn(f32, f32) -> f32) -> f32 {
