@@ -31,6 +31,9 @@ pub enum Event {
     Flap(Flap),
     /// A sheet tears.
     Tear(Tear),
+    /// Nothing more happens before this time, in seconds: told where events are told as they happen, never in a file.
+    #[serde(skip)]
+    Quiet(f64),
 }
 
 /// A part of a sheet of paper that an event makes vibrate (Schreck et al. 2016, section 4): one flat or curved region,
@@ -338,6 +341,7 @@ impl Event {
             Event::Friction(friction) => friction.time_s,
             Event::Flap(flap) => flap.time_s,
             Event::Tear(tear) => tear.time_s,
+            Event::Quiet(time_s) => *time_s,
         }
     }
 }
@@ -380,6 +384,7 @@ pub fn write(to: &mut impl Write, event: &Event) -> std::io::Result<()> {
             let numbers = numbers.chain(resonators.iter().flat_map(Resonator::numbers));
             numbers.chain(*patch_m).chain(*position_m).chain(cause.numbers()).collect()
         }
+        Event::Quiet(_) => return Ok(()),
         Event::Tear(Tear { time_s, position_m, length_m, cause, .. }) => {
             [*time_s, *length_m].into_iter().chain(*position_m).chain(cause.numbers()).collect()
         }

@@ -88,6 +88,12 @@ impl Settings {
         }
     }
 
+    /// So long after it happened an impact is told at the latest, in seconds.
+    pub fn behind_s(&self) -> f64 {
+        let step_s = self.step.typical_s();
+        self.longest_s.max(6.0 * step_s) + 2.0 * step_s
+    }
+
     fn gap(&self) -> f64 {
         self.gap_s.max(2.5 * self.step.typical_s())
     }

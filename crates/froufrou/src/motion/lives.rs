@@ -173,6 +173,12 @@ impl Lives {
         self.impacts.finish();
     }
 
+    /// Nothing is still to be found that happens before this, in seconds.
+    pub fn settled_s(&self) -> f64 {
+        let found_s = self.blow.map_or(f64::INFINITY, |blow| blow.time_s);
+        found_s.min(self.impacts.settled_s()).min(self.rubs.settled_s())
+    }
+
     /// The next that was found, in order of time, if nothing can come before it any more.
     pub fn pop(&mut self) -> Option<Found> {
         if self.blow.is_none() {

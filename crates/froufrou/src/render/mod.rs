@@ -5,6 +5,7 @@ mod buses;
 pub mod flac;
 pub mod format;
 pub mod labels;
+pub mod live;
 pub mod meter;
 pub mod offline;
 pub mod production;

@@ -10,14 +10,17 @@
 
 use std::path::Path;
 
+use crate::motion::event::Event;
 use crate::scene::Scene;
 use crate::scene::contact_log::ContactLog;
 use crate::scene::file::Timing;
 use crate::scene::world::World;
+pub use crate::score::compose::PULSE;
 use crate::score::compose::{self, Composer, Events, SoundFacts};
 use crate::score::ending::Ending;
 use crate::score::{
-    AnyReader, AnySpace, ChannelHeader, ChannelLine, ChannelSpace, ObjectHeader, ObjectLine, ObjectSpace,
+    AnyReader, AnySpace, ChannelHeader, ChannelLine, ChannelSpace, LATEST_S, ObjectHeader, ObjectLine,
+    ObjectSpace,
 };
 use crate::space::propagation::{Propagation, channel_header};
 use crate::space::tracing::Tracing;
@@ -48,7 +51,17 @@ impl Production {
     /// # Errors
     /// A file that cannot be read, or an object that is not in its animation.
     pub fn open(scene: Scene) -> Result<Self> {
-        let world = World::open(&scene)?;
+        Self::open_with(scene, |_, _| Ok(()))
+    }
+
+    /// The same, after something has been done to its world: such as to let objects [be told to
+    /// move](World::feed_object).
+    ///
+    /// # Errors
+    /// As there; what `change` returns.
+    pub fn open_with(scene: Scene, change: impl FnOnce(&Scene, &mut World) -> Result<()>) -> Result<Self> {
+        let mut world = World::open(&scene)?;
+        change(&scene, &mut world)?;
         let header = compose::header(&scene, &world)?;
         let prototypes = prototypes::load(&header.sounds, &scene.folder)?;
         let end_s = end_s(&scene, &world)?;
@@ -85,6 +98,27 @@ impl Production {
     pub fn channel_lines(&self) -> Result<ChannelLines<'_>> {
         let tracing = Tracing::of(&self.scene, &self.world)?;
         Ok(Box::new(Propagation::new(&self.header, self.object_lines()?)?.among(tracing)))
+    }
+
+    /// The lines of its score in channel space where more happens than the scene knows by itself: `told`, in order of time. A
+    /// line comes as soon as [`Event::Quiet`] or an event says that it can be known; keys are `key_step_s` apart, so that
+    /// there is always a next one. With them comes by how many seconds lines are behind those times, at most, beside
+    /// four keys. The score has no end of its own; [`PULSE`] is among its sounds.
+    ///
+    /// # Errors
+    /// As [`Production::object_lines`].
+    pub fn told_lines(
+        &self,
+        told: impl Iterator<Item = Result<Event>> + Send + 'static,
+        key_step_s: f64,
+    ) -> Result<(ChannelLines<'_>, f64)> {
+        let tracing = Tracing::of(&self.scene, &self.world)?;
+        let events = self.events()?.and(told);
+        let (scene, world, header) = (&self.scene, &self.world, &self.header);
+        let composer = Composer::new(scene, world, header, facts(&self.prototypes), LATEST_S, events)?;
+        let composer = composer.pulsing(key_step_s);
+        let behind_s = composer.foresight_s();
+        Ok((Box::new(Propagation::new(&self.header, composer)?.among(tracing)), behind_s))
     }
 
     /// The header of its score in channel space.

@@ -8,6 +8,7 @@ mod bracket;
 pub mod contact_log;
 pub mod conventions;
 mod converted;
+pub mod fed;
 pub mod file;
 pub mod format;
 pub mod gltf;

@@ -9,6 +9,7 @@ use super::animation::{Animation, KeyTimes, Mesh, ObjectKind, Topology, Transfor
 use super::asset::NamePattern;
 use super::conventions::Conventions;
 use super::converted::Converted;
+use super::fed::{Fed, FedPose};
 use super::file::{Microphone, Motion, Point, Scene, Source, Swarm};
 use super::format::AnimationFormat;
 use super::gltf::Gltf;
@@ -100,6 +101,8 @@ enum Way {
         object: usize,
         mesh: Arc<Mutex<Mesh>>,
     },
+    /// What is told to move while it does.
+    Fed(Arc<Fed>),
     /// A member of a swarm, which strays about what carries the swarm.
     Member {
         middle: Arc<Carrier>,
@@ -166,6 +169,7 @@ impl Carrier {
     pub fn frame(&self, time_s: f64) -> Result<Transform> {
         match &self.way {
             Way::Track(track) => Ok(track.frame(time_s + self.origin_s)),
+            Way::Fed(fed) => Ok(fed.frame(time_s)),
             Way::Animated { animation, object, .. } => animation.transform(*object, time_s + self.origin_s),
             Way::Member { middle, stray } => {
                 let mut frame = middle.frame(time_s)?;
@@ -277,7 +281,9 @@ impl Carrier {
             }
             (_, Point::Offset(offset)) => into_world(&self.frame(time_s)?, offset),
             (Way::Track(track), Point::Vertex(_)) => track.position_m(time_s + self.origin_s),
-            (Way::Member { .. }, Point::Vertex(_)) => into_world(&self.frame(time_s)?, [0.0; 3]),
+            (Way::Member { .. } | Way::Fed(_), Point::Vertex(_)) => {
+                into_world(&self.frame(time_s)?, [0.0; 3])
+            }
         };
         if position.iter().all(|c| c.is_finite()) {
             Ok(position)
@@ -289,7 +295,7 @@ impl Carrier {
     /// How its mesh changes; [`Topology::None`] where it has none.
     pub fn topology(&self) -> Topology {
         match &self.way {
-            Way::Track(_) | Way::Member { .. } => Topology::None,
+            Way::Track(_) | Way::Fed(_) | Way::Member { .. } => Topology::None,
             Way::Animated { animation, object, .. } => {
                 animation.objects().get(*object).map_or(Topology::None, |o| o.topology)
             }
@@ -302,7 +308,7 @@ impl Carrier {
     /// No mesh, or a sample that cannot be read.
     pub fn mesh(&self, time_s: f64, mesh: &mut Mesh) -> Result<()> {
         match &self.way {
-            Way::Track(_) | Way::Member { .. } => Err(self.fault("has no mesh".to_owned())),
+            Way::Track(_) | Way::Fed(_) | Way::Member { .. } => Err(self.fault("has no mesh".to_owned())),
             Way::Animated { animation, object, .. } => animation.mesh(*object, time_s + self.origin_s, mesh),
         }
     }
@@ -313,7 +319,7 @@ impl Carrier {
     /// A carrier without a mesh, a name that its file does not know, or a sample that cannot be read.
     pub fn vertex_values(&self, name: &str, time_s: f64, values: &mut Vec<f32>) -> Result<()> {
         match &self.way {
-            Way::Track(_) | Way::Member { .. } => Err(self.fault("has no mesh".to_owned())),
+            Way::Track(_) | Way::Fed(_) | Way::Member { .. } => Err(self.fault("has no mesh".to_owned())),
             Way::Animated { animation, object, .. } => {
                 animation.vertex_values(*object, name, time_s + self.origin_s, values)
             }
@@ -324,6 +330,7 @@ impl Carrier {
     pub fn name(&self) -> String {
         match &self.way {
             Way::Track(_) => "track".to_owned(),
+            Way::Fed(_) => "what is told".to_owned(),
             Way::Member { middle, .. } => format!("{} of a swarm", middle.name()),
             Way::Animated { animation, object, .. } => {
                 animation.objects().get(*object).map_or_else(String::new, |o| o.path.clone())
@@ -334,6 +341,7 @@ impl Carrier {
     fn fault(&self, what: String) -> Error {
         match &self.way {
             Way::Track(_) => Error::new(format!("the track {what}")),
+            Way::Fed(_) => Error::new(format!("what is told to move {what}")),
             Way::Member { .. } => Error::new(format!("a member of a swarm {what}")),
             Way::Animated { animation, object, .. } => {
                 let path = animation.objects().get(*object).map_or("", |o| &o.path);
@@ -349,6 +357,8 @@ impl Carrier {
         // The small part keeps a grid time from being followed by itself.
         let on_grid = |time: f64| ((time * self.frame_rate_hz + 1e-6).floor() + 1.0) / self.frame_rate_hz;
         let next = match &self.way {
+            // It may be told to move for as long as somebody asks.
+            Way::Fed(_) => return Some(if time_s < 0.0 { 0.0 } else { on_grid(time_s) }),
             Way::Member { middle, .. } => {
                 // It flies for as long as somebody asks.
                 let next_s = on_grid(time_s);
@@ -387,7 +397,7 @@ impl Carrier {
     /// How many keys its motion has, from a file; those of a hand-set track count as none.
     pub fn key_count(&self) -> usize {
         match &self.way {
-            Way::Track(_) | Way::Member { .. } => 0,
+            Way::Track(_) | Way::Fed(_) | Way::Member { .. } => 0,
             Way::Animated { animation, object, .. } => {
                 animation.objects().get(*object).map_or(0, |object| object.key_times.len())
             }
@@ -408,6 +418,8 @@ impl Carrier {
         match &self.way {
             Way::Track(track) => Ok(track.interpolation == Interpolation::Step),
             Way::Member { middle, .. } => middle.jumps_at(time_s, before_s),
+            // What no motion joins is found on the way to the microphones.
+            Way::Fed(_) => Ok(false),
             Way::Animated { .. } => {
                 let step_s = time_s - before_s;
                 let speed = |a: f64, b: f64| -> Result<f64> {
@@ -428,7 +440,7 @@ impl Carrier {
     pub fn end_s(&self) -> f64 {
         let end = match &self.way {
             Way::Track(track) if track.keys.len() > 1 => track.keys.last().map(|key| key.time_s),
-            Way::Track(_) => None,
+            Way::Track(_) | Way::Fed(_) => None,
             Way::Member { middle, .. } => return middle.end_s(),
             Way::Animated { animation, object, .. } => {
                 animation.objects().get(*object).and_then(|o| o.key_times.span_s()).map(|(_, end)| end)
@@ -625,6 +637,36 @@ impl World {
         Ok(Self { ears: ears.collect::<Result<_>>()?, objects, wind })
     }
 
+    /// Lets an object be told to move, with a key every `step_s` seconds. Until then it stands where it is at time 0; that
+    /// of which no place is known, at the origin.
+    ///
+    /// # Errors
+    /// An object that is not one body; a place that cannot be read.
+    pub fn feed_object(&mut self, index: usize, step_s: f64) -> Result<Arc<Fed>> {
+        let bodies = self.objects.get_mut(index).map(Vec::as_mut_slice);
+        let Some([body]) = bodies else {
+            let count = bodies.map_or(0, |bodies| bodies.len());
+            return Err(
+                Error::new(format!("an object of {count} bodies is to be moved")).help("move one body")
+            );
+        };
+        let (carrier, fed) = fed_carrier(body.carrier.as_ref(), step_s)?;
+        body.carrier = Some(carrier);
+        Ok(fed)
+    }
+
+    /// Lets the listener be told to move, and all microphones with it, likewise: they sit on it as they do in the scene.
+    ///
+    /// # Errors
+    /// A place that cannot be read.
+    pub fn feed_listener(&mut self, step_s: f64) -> Result<Arc<Fed>> {
+        let (carrier, fed) = fed_carrier(self.ears.first().map(|ear| &ear.carrier), step_s)?;
+        for ear in &mut self.ears {
+            ear.carrier = Carrier { point: ear.carrier.point, ..carrier.clone() };
+        }
+        Ok(fed)
+    }
+
     /// The last time at which anything moves, in seconds of the soundtrack.
     pub fn end_s(&self) -> f64 {
         let bodies = self.objects.iter().flatten().filter_map(|body| body.carrier.as_ref());
@@ -651,6 +693,21 @@ fn members(swarm: &Swarm, body: Body, random: Random, flight: Option<&Flight>) -
         Body { name: format!("{}/{}", body.name, number + 1), carrier: Some(carrier) }
     };
     (0..swarm.count).map(member).collect()
+}
+
+/// What carries something that is told to move, and stands until then as another carrier does at time 0.
+fn fed_carrier(before: Option<&Carrier>, step_s: f64) -> Result<(Carrier, Arc<Fed>)> {
+    let pose = match before {
+        None => FedPose::at([0.0; 3]),
+        Some(before) => {
+            let state = rigid(&before.frame(0.0)?);
+            FedPose { position_m: state.position_m, rotation: state.rotation }
+        }
+    };
+    let fed = Arc::new(Fed::new(pose));
+    let point = before.map_or(Point::Offset([0.0; 3]), |before| before.point);
+    let way = Way::Fed(fed.clone());
+    Ok((Carrier { way, point, origin_s: 0.0, frame_rate_hz: 1.0 / step_s }, fed))
 }
 
 fn track_carrier(track: &Track, point: Point, frame_rate_hz: f64) -> Carrier {

@@ -46,6 +46,9 @@ use crate::{Error, Result};
 /// read, however long a sound lasts.
 const HEARTBEAT_S: f64 = 1.0;
 
+/// The name of what plays nothing, whose keys let time go on where lines come as things happen. It is thread 0.
+pub const PULSE: &str = "";
+
 /// So often a thread is told how the wind blows.
 const WIND_STEP_S: f64 = 0.1;
 
@@ -144,6 +147,14 @@ impl Events {
         sources.push(paper.peekable());
         Ok(Self { sources })
     }
+
+    /// The same, and what is told besides, in order of time.
+    #[must_use]
+    pub fn and(mut self, told: impl Iterator<Item = Result<Event>> + Send + 'static) -> Self {
+        let told: EventSource = Box::new(told);
+        self.sources.push(told.peekable());
+        self
+    }
 }
 
 impl Iterator for Events {
@@ -208,6 +219,9 @@ pub struct Composer<'a, E> {
     foreseen: VecDeque<Event>,
     /// By how much events are foreseen, in seconds: for what begins before them.
     foresight_s: f64,
+    /// Where nothing moves, lines are no further apart, in seconds.
+    beat_s: f64,
+    pulses: bool,
     ready: VecDeque<ObjectLine>,
     state: State,
 }
@@ -336,6 +350,8 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             going: BTreeMap::new(),
             foreseen: VecDeque::new(),
             foresight_s: 0.0,
+            beat_s: HEARTBEAT_S,
+            pulses: false,
             ready: VecDeque::new(),
             state: State::New,
         };
@@ -360,6 +376,18 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         }
         composer.starts = composer.planned()?;
         Ok(composer)
+    }
+
+    /// The same with lines no more than `step_s` seconds apart, and always a next one: one of a thread that plays
+    /// [`PULSE`], where nothing else sounds. Such a score has no end.
+    #[must_use]
+    pub fn pulsing(self, step_s: f64) -> Self {
+        Self { beat_s: step_s.min(HEARTBEAT_S), pulses: true, ..self }
+    }
+
+    /// By how much events must be known before what they sound like, in seconds.
+    pub fn foresight_s(&self) -> f64 {
+        self.foresight_s
     }
 
     /// The starts that are set by hand, in order of time.
@@ -420,6 +448,10 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
     fn step(&mut self) -> Result<Option<ObjectLine>> {
         if self.state == State::New {
             self.state = State::Running;
+            if self.pulses {
+                self.due.push(Reverse(Due { time_s: 0.0, what: What::Line, id: 0 }));
+                self.voices.insert(0, Voice::pulse(Start::new(PULSE)));
+            }
             self.next_event = self.events.next().transpose()?;
             for index in (0..self.ears.len()).filter(|&i| self.ears[i].moves) {
                 self.due.push(Reverse(Due { time_s: 0.0, what: What::Microphone, id: index as u64 }));
@@ -511,7 +543,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             self.ready.push_back(key(ear.pose(before_s)?, false));
         }
         self.ready.push_back(key(ear.pose(time_s)?, cut));
-        let next_s = ear.carrier().next_key_s(time_s).unwrap_or(f64::INFINITY).min(time_s + HEARTBEAT_S);
+        let next_s = ear.carrier().next_key_s(time_s).unwrap_or(f64::INFINITY).min(time_s + self.beat_s);
         self.due.push(Reverse(Due { time_s: next_s, what: What::Microphone, id: index as u64 }));
         Ok(())
     }
@@ -568,7 +600,8 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
     fn schedule(&mut self, id: u64, time_s: f64) -> Result<()> {
         let changes = self.world.wind.as_ref().is_some_and(|wind| wind.changes());
         let Some(voice) = self.voices.get_mut(&id) else { return Ok(()) };
-        let beat_s = if voice.speed.is_some() && changes { WIND_STEP_S } else { HEARTBEAT_S };
+        let beat_s =
+            if voice.speed.is_some() && changes { WIND_STEP_S.min(self.beat_s) } else { self.beat_s };
         let mut next_s = voice.end_s.min(time_s + beat_s);
         if let Some(key_s) = voice.next_key_s(time_s) {
             next_s = next_s.min(key_s);

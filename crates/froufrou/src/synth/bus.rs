@@ -221,6 +221,15 @@ fn bank(lanes: usize, frames: usize, bank: usize) -> Range<usize> {
     first * frames..(first + BANK).min(lanes) * frames
 }
 
+/// All lanes of one of some frames.
+pub(crate) fn frame_mut(samples: &mut [f32], lanes: usize, frame: usize) -> impl Iterator<Item = &mut f32> {
+    let frames = samples.len() / lanes.max(1);
+    samples.chunks_mut((BANK * frames).max(1)).flat_map(move |bank| {
+        let width = bank.len() / frames.max(1);
+        bank[frame * width..(frame + 1) * width].iter_mut()
+    })
+}
+
 /// Frames whose places along a segment are found at once.
 const CHUNK: usize = 128;
 
@@ -233,7 +242,7 @@ pub(crate) struct Spreading<'a> {
     pub rate_hz: f64,
     pub first: u64,
     /// As [`Bus::gains`] has them.
-    pub gains: &'a [Vec<f32>; 2],
+    pub gains: [&'a [f32]; 2],
     pub out: &'a mut [f32],
     pub frames: usize,
     pub offset: usize,
@@ -340,6 +349,16 @@ impl Ringing {
             RingingLane { channels, convolver, input: Vec::new(), out: Vec::new(), sounds: false }
         };
         Self { lanes: bus.lanes.iter().map(lane).collect(), frame }
+    }
+
+    /// The same, with room for so many frames at a time: feeding no more of them allocates nothing.
+    #[must_use]
+    pub fn with_room(mut self, frames: usize) -> Self {
+        for lane in &mut self.lanes {
+            lane.input.reserve(frames);
+            lane.out.reserve(frames * lane.channels.len());
+        }
+        self
     }
 
     /// The frame of the lanes that is fed next: the channels' next frame and the bus's lead.

@@ -125,6 +125,15 @@ impl Segment {
         arrival_s - self.at(arrival_s).delay_s
     }
 
+    /// The greatest rate within it, emission seconds an arrival second.
+    pub fn fastest(&self) -> f64 {
+        let Course { slope: [s0, s1, s2], .. } = self.course();
+        let rate = |u: f64| 1.0 - (s0 + u * (s1 + u * s2));
+        // The rate is a parabola, which may turn in between.
+        let turn = if s2 == 0.0 { 0.0 } else { (-s1 / (2.0 * s2)).clamp(0.0, 1.0) };
+        [0.0, 1.0, turn].map(rate).into_iter().fold(0.0, f64::max)
+    }
+
     /// The path at an arrival time within the segment.
     #[inline(always)]
     pub fn at(&self, arrival_s: f64) -> Moment {
@@ -446,6 +455,26 @@ mod tests {
             assert!((weight(emission) - 1.0).abs() < 1e-12, "{emission}: {}", weight(emission));
         }
         assert!(weight(0.305) < 0.6 && weight(0.311) == 0.0);
+    }
+
+    #[test]
+    fn the_greatest_rate_of_a_segment_is_found() {
+        for (rise, slopes) in [(0.0, [0.0; 2]), (0.02, [0.3, -0.4]), (-0.05, [-0.9, 0.5]), (0.01, [0.1; 2])] {
+            let [begin_s, end_s] = [2.0, 2.1];
+            let segment = Segment {
+                begin_s,
+                end_s,
+                delay_s: [0.1, 0.1 + rise],
+                slope: slopes,
+                gain: [1.0; 2],
+                filter: [UNFILTERED; 2],
+                spread: [UNSPREAD; 2],
+                fades: Fades::NONE,
+            };
+            let rates = (0..=1000).map(|step| segment.at(begin_s + f64::from(step) * 1e-4).rate);
+            let greatest = rates.fold(0.0, f64::max);
+            assert!((segment.fastest() - greatest).abs() < 1e-5 * greatest, "{rise} {slopes:?}");
+        }
     }
 
     #[test]

@@ -75,6 +75,13 @@ impl Voice {
         }
     }
 
+    /// One about the first microphone that is silent and never over.
+    pub fn pulse(start: Start) -> Self {
+        let mut voice = Self::at(start, [0.0; 3], 0.0);
+        (voice.place, voice.end_s) = (Place::Around(0), f64::INFINITY);
+        voice
+    }
+
     /// Tells it something at a time, after all that it is told before and then.
     pub fn tell(&mut self, telling: Telling) {
         let at = self.cues.partition_point(|before| before.time_s <= telling.time_s);

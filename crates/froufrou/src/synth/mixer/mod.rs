@@ -4,6 +4,7 @@
 //! the block that is asked for, and forgets what has sounded. Its memory follows the number of
 //! threads that sound at once and the distance between their keys, not the length of the score.
 
+mod slice;
 mod voices;
 mod ways;
 
@@ -15,7 +16,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::bus::Bus;
-use super::filter::{self, Filter, Filters};
+use super::filter::{Filter, Filters};
 use super::instrument::Instrument;
 use super::path::{PathBuilder, PathKey, Segment};
 use super::receivers::Receiver;
@@ -27,6 +28,7 @@ use crate::random::Random;
 use crate::score::{Action, Arrival, ChannelLine, Cue, LATEST_S, Start, Statement, Verb};
 use crate::space::bands::BandFilters;
 use crate::{Error, Place, Result};
+pub use slice::{Cutter, Desk, Slice};
 use voices::Thread;
 pub use voices::{Block, Voices};
 use ways::{Ways, check_arrival};
@@ -57,7 +59,8 @@ impl From<Prototype> for Sounding {
 }
 
 /// Nothing arrives before it leaves, but a resampled onset rings before it. It does so for this long
-/// at most; what is read so slowly that it would ring for longer begins with less of it.
+/// at most, unless a mixer [looks ahead](Mixer::looking_ahead) for less; what is read so slowly that it would ring
+/// for longer begins with less of it.
 const ONSET_S: f64 = 1.0;
 
 /// Playback speeds outside of this make positions in the recording that no number can tell apart.
@@ -86,6 +89,8 @@ pub struct Begun {
 pub struct Mixer<L> {
     lines: L,
     next: Option<ChannelLine>,
+    /// Whether the first line has been asked for.
+    has_begun: bool,
     names: BTreeMap<String, usize>,
     voices: Voices,
     objects: Vec<String>,
@@ -95,6 +100,8 @@ pub struct Mixer<L> {
     /// For how long what arrives by each path sounds on, in seconds, where that leads to a bus.
     rings: Vec<Option<f64>>,
     seed: u64,
+    /// For so long an onset may ring before its time, in seconds.
+    onset_s: f64,
     /// What has arrived before this frame has been released.
     released: u64,
     keeps_going: bool,
@@ -114,16 +121,27 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         sounds: impl IntoIterator<Item = (String, Sounding)>,
         lines: L,
     ) -> Result<Self> {
+        let mut mixer = Self::idle(rate_hz, receivers, sounds, lines)?;
+        mixer.begin()?;
+        Ok(mixer)
+    }
+
+    /// The same, which asks for no line before it reads: for lines that are still to be waited for.
+    ///
+    /// # Errors
+    /// A bus that plays into channels that there are not.
+    pub fn idle(
+        rate_hz: u32,
+        receivers: Vec<Receiver>,
+        sounds: impl IntoIterator<Item = (String, Sounding)>,
+        lines: L,
+    ) -> Result<Self> {
         let (mut names, mut soundings) = (BTreeMap::new(), Vec::new());
         for (name, sounding) in sounds {
             names.insert(name, soundings.len());
             soundings.push(sounding);
         }
         let colours = BandFilters::new(f64::from(rate_hz)).ok();
-        let coloured = colours.as_ref().map_or([0; 2], |c| [c.centre(), c.taps() - c.centre()]);
-        let reach = |side: usize| {
-            receivers.iter().map(|receiver| receiver.reach()[side]).max().unwrap_or(0) + coloured[side]
-        };
         let (mut paths, mut channels) = (0, 0);
         let mut runs: Vec<(Range<usize>, usize)> = Vec::new();
         let mut buses: Vec<(usize, Bus)> = Vec::new();
@@ -146,16 +164,16 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         for (path, bus) in &buses {
             rings[*path] = Some(bus.tail() as f64 / f64::from(rate_hz));
         }
-        let voices = Voices {
+        let mut voices = Voices {
             rate_hz: f64::from(rate_hz),
             channels,
             paths,
             runs,
             ahead: buses.iter().map(|(_, bus)| bus.lead()).max().unwrap_or(0),
             buses,
-            lead: reach(0),
-            tail: reach(1),
-            piece: filter::longest(reach(0) + reach(1)),
+            lead: 0,
+            tail: 0,
+            piece: 0,
             receivers,
             colours,
             identity: Filter::identity(),
@@ -163,9 +181,11 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             threads: BTreeMap::new(),
             sources: BTreeMap::new(),
         };
-        let mut mixer = Self {
+        voices.reach();
+        Ok(Self {
             lines,
             next: None,
+            has_begun: false,
             names,
             voices,
             objects: Vec::new(),
@@ -174,13 +194,20 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             last_arrival_s: 0.0,
             rings,
             seed: 0,
+            onset_s: ONSET_S,
             released: 0,
             keeps_going: false,
             silenced: 0,
             faults: Vec::new(),
-        };
-        mixer.next = mixer.lines.next().transpose()?;
-        Ok(mixer)
+        })
+    }
+
+    /// Asks for the first line, if nobody has.
+    fn begin(&mut self) -> Result<()> {
+        if !std::mem::replace(&mut self.has_begun, true) {
+            self.next = self.lines.next().transpose()?;
+        }
+        Ok(())
     }
 
     /// The same mixer, with the seed of all that is random in synthesised sounds.
@@ -194,6 +221,28 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
     #[must_use]
     pub fn keeping_going(self, keeps_going: bool) -> Self {
         Self { keeps_going, ..self }
+    }
+
+    /// The same mixer, which looks no further ahead than so many seconds, 1 s at most, for onsets that ring before
+    /// their time and for what synthesised sounds are told. What is played so slowly that it rings for longer
+    /// begins with less of it.
+    #[must_use]
+    pub fn looking_ahead(self, onset_s: f64) -> Self {
+        Self { onset_s: onset_s.clamp(0.0, ONSET_S), ..self }
+    }
+
+    /// The same mixer, for lines without gains of octave bands: it looks less far ahead, and refuses such gains.
+    #[must_use]
+    pub fn uncoloured(mut self) -> Self {
+        self.voices.colours = None;
+        self.voices.reach();
+        self
+    }
+
+    /// By how many frames what is rendered must be known ahead of its time, beside the ways of the threads.
+    pub fn look_ahead(&self) -> u64 {
+        let Voices { lead, piece, ahead, rate_hz, .. } = &self.voices;
+        (lead + piece + ahead) as u64 + (self.onset_s * rate_hz).ceil() as u64
     }
 
     /// How many synthesised sounds have failed and fallen silent since this was last asked, and the
@@ -219,7 +268,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
 
     /// True where every line has been read; then the latest arrival is known.
     pub fn is_read(&self) -> bool {
-        self.next.is_none()
+        self.has_begun && self.next.is_none()
     }
 
     /// The time at which the last thread read so far falls silent, in seconds.
@@ -262,11 +311,13 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
     }
 
     fn read_lines(&mut self, end_frame: u64) -> Result<()> {
+        self.begin()?;
         let end_s = end_frame as f64 / self.voices.rate_hz;
-        while self.next.as_ref().is_some_and(|line| line.time_s() <= end_s + ONSET_S) {
+        while self.next.as_ref().is_some_and(|line| line.time_s() <= end_s + self.onset_s) {
             self.read_line()?;
         }
-        let is_open = |voices: &Voices, id: u64| {
+        let onset_s = self.onset_s;
+        let is_open = move |voices: &Voices, id: u64| {
             let mut paths = voices.threads.range((id, 0)..=(id, u32::MAX)).map(|(_, path)| path);
             // What has ended is told nothing more.
             let told = voices
@@ -278,7 +329,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
                 .and_then(|source| Some(source.known_s() + start_s(voices.threads.get(&(id, 0))?)))
                 .unwrap_or(f64::INFINITY);
             // A little more than is heard is synthesised.
-            paths.any(|path| path.known_s() < end_s) || told_s < end_s + ONSET_S
+            paths.any(|path| path.known_s() < end_s) || told_s < end_s + onset_s
         };
         let ids: BTreeSet<u64> = self.voices.threads.keys().map(|&(id, _)| id).collect();
         let mut open: BTreeSet<u64> = ids.into_iter().filter(|&id| is_open(&self.voices, id)).collect();
@@ -304,7 +355,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         let Voices { rate_hz, threads, sources, .. } = &mut self.voices;
         let rate_hz = *rate_hz;
         let (begin_s, end_s) = (begin_frame as f64 / rate_hz, end_frame as f64 / rate_hz);
-        let around = sinc::half_width(FASTEST) as f64 + 2.0;
+        let around = |ratio: f64| sinc::half_width(ratio) as f64 + 2.0;
         let mut work: Vec<(u64, &mut Source, [u64; 2])> = Vec::new();
         for (&id, source) in sources {
             let paths = || threads.range((id, 0)..=(id, u32::MAX)).map(|(_, path)| path);
@@ -314,8 +365,10 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
                 continue;
             };
             let from_s = paths().map(|path| path.emitted_from_s(begin_s)).fold(f64::INFINITY, f64::min);
-            let from = ((from_s.min(to_s) - start_s) * rate_hz - around).max(0.0) as u64;
-            let to = ((to_s - start_s) * rate_hz + around).max(0.0) as u64;
+            // What is still to come may be faster than what is known.
+            let fastest = paths().map(|path| path.fastest_before(end_s)).fold(1.0, f64::max);
+            let from = ((from_s.min(to_s) - start_s) * rate_hz - around(FASTEST)).max(0.0) as u64;
+            let to = ((to_s - start_s) * rate_hz + around(fastest)).max(0.0) as u64;
             work.push((id, source, [from, to]));
         }
         let made = work.into_par_iter().map(|(id, source, [from, to])| (id, source.make(from, to)));
@@ -400,7 +453,8 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
                 "thread {id} has octave bands, which cannot be told apart at {}",
                 self.voices.rate_hz
             );
-            return Err(Error::new(format!("{what} Hz")).help("render at 8000 to 192000 Hz"));
+            return Err(Error::new(format!("{what} Hz"))
+                .help("render at 8000 to 192000 Hz, by a mixer that is not uncoloured"));
         }
         let of = (id, line.path);
         match line.verb {
@@ -535,7 +589,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
                 (instrument.ring_s().is_none(), rate_hz)
             }
         };
-        let lead_s = playback.lead_s(sound_rate_hz, rate_hz).min(ONSET_S);
+        let lead_s = playback.lead_s(sound_rate_hz, rate_hz).min(self.onset_s);
         let mut filters = Filters::default();
         let Voices { receivers, colours, .. } = &self.voices;
         let ways = Ways { receivers, colours: colours.as_ref() };

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::super::bus::{Bus, LaneBlock, Spreading};
-use super::super::filter::{Filter, Filters};
+use super::super::filter::{self, Filter, Filters};
 use super::super::path::{PathBuilder, Segment, UNFILTERED};
 use super::super::receivers::Receiver;
 use super::super::source::Source;
@@ -49,6 +49,12 @@ impl Thread {
         let heard = self.segments().filter(|segment| segment.begin_s < arrival_s);
         let latest = heard.map(|segment| segment.emission_s(segment.end_s.min(arrival_s)));
         latest.max_by(f64::total_cmp)
+    }
+
+    /// The greatest ratio at which anything is read that is heard before an arrival time.
+    pub(super) fn fastest_before(&self, arrival_s: f64) -> f64 {
+        let heard = self.segments().filter(|segment| segment.begin_s < arrival_s);
+        heard.map(|segment| segment.fastest() * self.playback.speed).fold(0.0, f64::max)
     }
 
     /// The earliest emission time that is heard from an arrival time on.
@@ -99,6 +105,17 @@ pub struct Voices {
 }
 
 impl Voices {
+    /// Finds how far filters reach.
+    pub(super) fn reach(&mut self) {
+        let coloured = self.colours.as_ref().map_or([0; 2], |c| [c.centre(), c.taps() - c.centre()]);
+        [self.lead, self.tail] = [0, 1].map(|side| {
+            let reaches = self.receivers.iter().map(|receiver| receiver.reach()[side]);
+            reaches.max().unwrap_or(0) + coloured[side]
+        });
+        let reach = self.lead + self.tail;
+        self.piece = if reach == 0 { 0 } else { filter::longest(reach) };
+    }
+
     fn signal(&self, thread: u64, sound: usize) -> Option<Signal<'_>> {
         match &self.sounds[sound] {
             Sounding::Recording(prototype) => Some(prototype.signal()),
@@ -106,51 +123,79 @@ impl Voices {
         }
     }
 
+    /// What channels hear of all threads between two frames, reading by reading, in the order in which they are
+    /// added up.
+    pub(super) fn readings(&self, frames: Range<u64>) -> impl Iterator<Item = Reading<'_>> {
+        let [begin_s, end_s] = self.heard_s(&frames);
+        self.threads.iter().flat_map(move |(&(id, _), thread)| {
+            let signal = self.signal(id, thread.sound);
+            signal.into_iter().flat_map(move |signal| {
+                let groups = self.runs.iter().flat_map(move |(paths, first)| {
+                    let all = &thread.stretches[paths.clone()];
+                    // Channels that differ in their gains alone hear one reading.
+                    let groups = all.chunk_by(|a, b| are_alike(a, b));
+                    groups.map(move |group| (first + offset_of(all, group), group))
+                });
+                groups.flat_map(move |(first_channel, group)| {
+                    let heard = group[0].iter().enumerate().filter(move |(_, Stretch { segment, .. })| {
+                        segment.begin_s < end_s && segment.end_s > begin_s
+                    });
+                    let readings = heard.map(move |(index, stretch)| Reading {
+                        id,
+                        thread,
+                        signal,
+                        stretch,
+                        first_channel,
+                        group,
+                        index,
+                    });
+                    readings.filter(|reading| reading.gains().any(|gain| gain != [0.0; 2]))
+                })
+            })
+        })
+    }
+
+    /// Between which times what arrives is heard in some frames, filters included.
+    fn heard_s(&self, frames: &Range<u64>) -> [f64; 2] {
+        [frames.start.saturating_sub(self.tail as u64), frames.end + self.lead as u64]
+            .map(|frame| frame as f64 / self.rate_hz)
+    }
+
     /// Renders the frames from `frame` on. They must have been read (`Mixer::read_to`) and not
     /// released (`Mixer::release`). Blocks may be rendered in any order and at the same time.
     pub fn render(&self, frame: u64, frames: usize, with_stems: bool) -> Block {
         let mut block = Block { mix: vec![0.0; frames * self.channels], stems: BTreeMap::new() };
         let mut scratch = Scratch { voice: vec![0.0; frames], ..Scratch::default() };
-        let begin_s = frame.saturating_sub(self.tail as u64) as f64 / self.rate_hz;
-        let end_s = (frame + (frames + self.lead) as u64) as f64 / self.rate_hz;
-        for (&(id, _), thread) in &self.threads {
-            let Some(signal) = self.signal(id, thread.sound) else { continue };
-            let groups = self.runs.iter().flat_map(|(paths, first)| {
-                let all = &thread.stretches[paths.clone()];
-                // Channels that differ in their gains alone hear one reading.
-                let groups = all.chunk_by(|a, b| are_alike(a, b));
-                groups.map(move |group| (first + offset_of(all, group), group))
-            });
-            for (first_channel, group) in groups {
-                for (index, stretch) in group[0].iter().enumerate() {
-                    let segment = &stretch.segment;
-                    let gains = || group.iter().map(|stretches| stretches[index].segment.gain);
-                    if segment.begin_s >= end_s || segment.end_s <= begin_s || gains().all(|g| g == [0.0; 2])
-                    {
-                        continue;
-                    }
-                    let gain = if group.len() == 1 { segment.gain } else { [1.0; 2] };
-                    let touched = self.add_stretch(thread, signal, stretch, gain, frame, &mut scratch);
-                    let part = &mut scratch.voice[touched.clone()];
-                    for (channel, gain) in gains().enumerate().filter(|&(_, gain)| gain != [0.0; 2]) {
-                        let begin = (first_channel + channel) * frames;
-                        let at = begin + touched.start..begin + touched.end;
-                        let first = frame + touched.start as u64;
-                        let into = |to: &mut [f64]| match group.len() {
-                            1 => add(to, part),
-                            _ => add_faded(to, part, &Segment { gain, ..*segment }, first, self.rate_hz),
-                        };
-                        into(&mut block.mix[at.clone()]);
-                        if with_stems {
-                            let stem = block.stems.entry(thread.object);
-                            into(&mut stem.or_insert_with(|| vec![0.0; frames * self.channels])[at]);
-                        }
-                    }
-                    part.fill(0.0);
-                }
+        for reading in self.readings(frame..frame + frames as u64) {
+            let Reading { thread, signal, stretch, .. } = reading;
+            let touched = self.add_stretch(thread, signal, stretch, reading.gain(), frame, &mut scratch);
+            let part = &mut scratch.voice[touched.clone()];
+            let place = Place {
+                first_channel: reading.first_channel,
+                stride: frames,
+                offset: touched.start,
+                frame: frame + touched.start as u64,
+                rate_hz: self.rate_hz,
+            };
+            place.add(part, &stretch.segment, reading.gains(), &mut block.mix);
+            if with_stems {
+                let stem = block.stems.entry(thread.object);
+                let stem = stem.or_insert_with(|| vec![0.0; frames * self.channels]);
+                place.add(part, &stretch.segment, reading.gains(), stem);
             }
+            part.fill(0.0);
         }
         block
+    }
+
+    /// Frames a second.
+    pub fn rate_hz(&self) -> f64 {
+        self.rate_hz
+    }
+
+    /// How many channels there are.
+    pub fn channels(&self) -> usize {
+        self.channels
     }
 
     /// The buses, in the order of their receivers.
@@ -163,50 +208,62 @@ impl Voices {
     /// [ahead](Bus::lead) of the channels, which `Mixer::read_to` sees to.
     pub fn render_lanes(&self, bus: usize, frame: u64, frames: usize, with_stems: bool) -> LaneBlock {
         let mut block = LaneBlock { frames, ..LaneBlock::default() };
-        let Some((path, bus)) = self.buses.get(bus) else { return block };
+        let Some((_, way)) = self.buses.get(bus) else { return block };
         let mut scratch = Scratch { voice: vec![0.0; frames], ..Scratch::default() };
         let mut gains = [Vec::new(), Vec::new()];
-        let begin_s = frame.saturating_sub(self.tail as u64) as f64 / self.rate_hz;
-        let end_s = (frame + (frames + self.lead) as u64) as f64 / self.rate_hz;
-        for (&(id, _), thread) in &self.threads {
-            let Some(signal) = self.signal(id, thread.sound) else { continue };
-            let signal = Signal { kernel: bus.kernel(), ..signal };
-            for stretch in &thread.stretches[*path] {
-                let segment = &stretch.segment;
-                if segment.begin_s >= end_s || segment.end_s <= begin_s || segment.gain == [0.0; 2] {
-                    continue;
-                }
-                let touched = self.add_stretch(thread, signal, stretch, [1.0; 2], frame, &mut scratch);
-                if touched.is_empty() {
-                    continue;
-                }
-                bus.gains(segment, &thread.filters, &mut gains);
-                let part = &mut scratch.voice[touched.clone()];
-                let into = |out: &mut Vec<f32>| {
-                    out.resize(frames * bus.lanes(), 0.0);
-                    pulp::Arch::new().dispatch(Spreading {
-                        samples: part,
-                        segment,
-                        rate_hz: self.rate_hz,
-                        first: frame + touched.start as u64,
-                        gains: &gains,
-                        out,
-                        frames,
-                        offset: touched.start,
-                    });
-                };
-                into(&mut block.mix);
-                if with_stems {
-                    into(block.stems.entry(thread.object).or_default());
-                }
-                part.fill(0.0);
+        for (_, thread, signal, stretch) in self.arrivals(bus, frame..frame + frames as u64) {
+            let segment = &stretch.segment;
+            let touched = self.add_stretch(thread, signal, stretch, [1.0; 2], frame, &mut scratch);
+            if touched.is_empty() {
+                continue;
             }
+            way.gains(segment, &thread.filters, &mut gains);
+            let part = &mut scratch.voice[touched.clone()];
+            let into = |out: &mut Vec<f32>| {
+                out.resize(frames * way.lanes(), 0.0);
+                pulp::Arch::new().dispatch(Spreading {
+                    samples: part,
+                    segment,
+                    rate_hz: self.rate_hz,
+                    first: frame + touched.start as u64,
+                    gains: [&gains[0], &gains[1]],
+                    out,
+                    frames,
+                    offset: touched.start,
+                });
+            };
+            into(&mut block.mix);
+            if with_stems {
+                into(block.stems.entry(thread.object).or_default());
+            }
+            part.fill(0.0);
         }
         block
     }
 
+    /// What arrives at a bus between two frames of its lanes, in the order in which it is added up.
+    pub(super) fn arrivals(
+        &self,
+        bus: usize,
+        frames: Range<u64>,
+    ) -> impl Iterator<Item = (u64, &Thread, Signal<'_>, &Stretch)> {
+        let [begin_s, end_s] = self.heard_s(&frames);
+        let bus = self.buses.get(bus);
+        bus.into_iter().flat_map(move |(path, bus)| {
+            self.threads.iter().flat_map(move |(&(id, _), thread)| {
+                let signal = self.signal(id, thread.sound).map(|s| Signal { kernel: bus.kernel(), ..s });
+                let heard = thread.stretches[*path].iter().filter(move |Stretch { segment, .. }| {
+                    segment.begin_s < end_s && segment.end_s > begin_s && segment.gain != [0.0; 2]
+                });
+                signal
+                    .into_iter()
+                    .flat_map(move |signal| heard.clone().map(move |stretch| (id, thread, signal, stretch)))
+            })
+        })
+    }
+
     /// Renders a stretch with a gain of its path or another; the range of the block that was touched.
-    fn add_stretch(
+    pub(super) fn add_stretch(
         &self,
         thread: &Thread,
         signal: Signal<'_>,
@@ -231,12 +288,73 @@ impl Voices {
     }
 }
 
+/// What some channels that follow one another hear of a thread in one reading.
+pub(super) struct Reading<'a> {
+    pub(super) id: u64,
+    pub(super) thread: &'a Thread,
+    pub(super) signal: Signal<'a>,
+    /// What is read.
+    pub(super) stretch: &'a Stretch,
+    /// The first of the channels.
+    pub(super) first_channel: usize,
+    /// The stretches of each of them, and which of these is read.
+    group: &'a [Vec<Stretch>],
+    index: usize,
+}
+
+impl<'a> Reading<'a> {
+    /// The gain of each channel.
+    pub(super) fn gains(&self) -> impl ExactSizeIterator<Item = [f64; 2]> + use<'a> {
+        let index = self.index;
+        self.group.iter().map(move |stretches| stretches[index].segment.gain)
+    }
+
+    /// The gain with which it is read: that of one channel; several have theirs behind it.
+    pub(super) fn gain(&self) -> [f64; 2] {
+        if self.group.len() == 1 { self.stretch.segment.gain } else { [1.0; 2] }
+    }
+}
+
+/// Where some frames of a reading go.
+pub(super) struct Place {
+    pub(super) first_channel: usize,
+    /// So many frames of each channel lie side by side.
+    pub(super) stride: usize,
+    /// The first of the reading is this one of them.
+    pub(super) offset: usize,
+    /// And this one of all.
+    pub(super) frame: u64,
+    pub(super) rate_hz: f64,
+}
+
+impl Place {
+    /// Adds what was read to each channel with its gain.
+    pub(super) fn add(
+        &self,
+        part: &[f64],
+        segment: &Segment,
+        gains: impl ExactSizeIterator<Item = [f64; 2]>,
+        channels: &mut [f64],
+    ) {
+        let is_single = gains.len() == 1;
+        for (channel, gain) in gains.enumerate().filter(|&(_, gain)| gain != [0.0; 2]) {
+            let begin = (self.first_channel + channel) * self.stride + self.offset;
+            let to = &mut channels[begin..begin + part.len()];
+            if is_single {
+                add(to, part);
+            } else {
+                add_faded(to, part, &Segment { gain, ..*segment }, self.frame, self.rate_hz);
+            }
+        }
+    }
+}
+
 /// Memory that rendering uses again and again.
 #[derive(Default)]
-struct Scratch {
-    voice: Vec<f64>,
-    window: Vec<f32>,
-    memory: stretch::Memory,
+pub(super) struct Scratch {
+    pub(super) voice: Vec<f64>,
+    pub(super) window: Vec<f32>,
+    pub(super) memory: stretch::Memory,
 }
 
 /// Whether two channels hear a thread with other gains at most.

@@ -1,0 +1,96 @@
+//! What a handle tells, as events of a scene in order of time.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Acquire;
+use std::time::Duration;
+
+use rtrb::Consumer;
+
+use super::handle::MoverId;
+use crate::Result;
+use crate::motion::event::{Cause, Event, LogRows};
+use crate::motion::impact::{Settings, Step};
+use crate::motion::lives::Lives;
+use crate::scene::contact_log::ContactRow;
+use crate::scene::fed::{Fed, FedPose};
+
+/// What a handle tells.
+pub(super) enum Told {
+    /// The next body has this name.
+    Body(Arc<str>),
+    Contact(ContactRow),
+    Pose(MoverId, f64, FedPose),
+    /// All that happens before has been told.
+    Advance(f64),
+}
+
+/// So long the worker sleeps at most where nothing is told.
+const NAP: Duration = Duration::from_micros(500);
+
+/// The events of what is told. An iterator that waits until there is one, or until it is known that there is none before
+/// a time; it ends when it is stopped.
+pub(super) struct Feed {
+    told: Consumer<Told>,
+    names: Vec<Arc<str>>,
+    lives: Lives,
+    movers: Vec<Arc<Fed>>,
+    /// What was told last to be known, and what of it has been passed on.
+    known_s: f64,
+    passed_s: f64,
+    stop: Arc<AtomicBool>,
+}
+
+impl Feed {
+    pub fn new(told: Consumer<Told>, step_s: f64, movers: Vec<Arc<Fed>>, stop: Arc<AtomicBool>) -> Self {
+        let lives = Lives::new(Settings::new(Step::Fixed(step_s)));
+        Self { told, names: Vec::new(), lives, movers, known_s: 0.0, passed_s: 0.0, stop }
+    }
+
+    fn take(&mut self, told: Told) -> Result<()> {
+        match told {
+            Told::Body(name) => self.names.push(name),
+            Told::Contact(row) => self.lives.feed(&row, [None; 2])?,
+            Told::Pose(mover, time_s, pose) => {
+                if let Some(fed) = self.movers.get(mover.0) {
+                    fed.push(time_s, pose);
+                }
+            }
+            Told::Advance(time_s) => {
+                self.lives.advance(time_s)?;
+                self.movers.iter().for_each(|fed| fed.stand(time_s));
+                self.known_s = time_s;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Iterator for Feed {
+    type Item = Result<Event>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(found) = self.lives.pop() {
+                let names = found.bodies().map(|body| self.names.get(body as usize).map_or("", |name| name));
+                let [first_line, last_line] = found.lines();
+                let rows = LogRows { log: "told".to_owned(), first_line, last_line };
+                return Some(Ok(found.event(names, Cause::Log(rows))));
+            }
+            let quiet_s = self.known_s.min(self.lives.settled_s());
+            if quiet_s > self.passed_s {
+                self.passed_s = quiet_s;
+                return Some(Ok(Event::Quiet(quiet_s)));
+            }
+            match self.told.pop() {
+                Ok(told) => {
+                    if let Err(fault) = self.take(told) {
+                        return Some(Err(fault));
+                    }
+                }
+                Err(_) if self.stop.load(Acquire) => return None,
+                Err(_) => std::thread::park_timeout(NAP),
+            }
+        }
+    }
+}

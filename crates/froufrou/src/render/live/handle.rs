@@ -1,0 +1,241 @@
+//! The game thread's half: what happens, told as it happens.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::{Relaxed, Release};
+use std::thread::JoinHandle;
+
+use rtrb::Producer;
+
+use super::counters::{Counters, Statistics};
+use super::feed::Told;
+use crate::scene::contact_log::{ContactRow, Push};
+use crate::scene::fed::FedPose;
+use crate::score::LATEST_S;
+use crate::{Error, Result};
+
+/// A body that contacts name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct BodyId(pub(super) u32);
+
+/// An object of the scene, or its listener, that is moved by a handle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct MoverId(pub(super) usize);
+
+/// Why something that was told is left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Refused {
+    /// One of its numbers is none: the one of this name.
+    #[error("`{0}` is no finite number, or beyond all bounds")]
+    NotFinite(&'static str),
+    /// It comes before what was told already.
+    #[error("it is earlier than what was told before")]
+    Earlier,
+    /// There is no room: more is told than the worker takes.
+    #[error("there is no room for it: more is told than is taken")]
+    Full,
+    /// There is no such body.
+    #[error("there is no body of this number")]
+    Unknown,
+}
+
+/// How much was left out, and why.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Left {
+    /// Numbers that are none.
+    pub not_finite: u64,
+    /// What came before what was told already.
+    pub earlier: u64,
+    /// What there was no room for.
+    pub full: u64,
+    /// Bodies that there are not.
+    pub unknown: u64,
+}
+
+/// A pose in the world and the time at which something has it, and contacts as rows of a log have them, are told to an
+/// engine through this. No call waits for the worker or the audio thread. When it is dropped the worker ends, and what sounds
+/// fades.
+pub struct Handle {
+    pub(super) told: Producer<Told>,
+    pub(super) bodies: BTreeMap<String, BodyId>,
+    pub(super) movers: BTreeMap<String, MoverId>,
+    pub(super) listener: Option<MoverId>,
+    /// Nothing may be told that is earlier.
+    pub(super) known_s: f64,
+    pub(super) contact_s: f64,
+    /// A time that there was no room for.
+    pub(super) owed_s: Option<f64>,
+    pub(super) rows: u64,
+    pub(super) left: Left,
+    pub(super) stop: Arc<AtomicBool>,
+    pub(super) fault: Arc<std::sync::Mutex<Option<Error>>>,
+    pub(super) worker: Option<JoinHandle<()>>,
+    pub(super) counters: Arc<Counters>,
+    pub(super) latency_s: f64,
+}
+
+/// So many bodies may have names.
+const MOST_BODIES: usize = 1 << 20;
+
+impl Handle {
+    /// A body of a name, as contacts have it; the scene's objects say by their `body` whose it is.
+    ///
+    /// # Errors
+    /// More bodies than can be, or no room.
+    pub fn body(&mut self, name: &str) -> Result<BodyId, Refused> {
+        if let Some(body) = self.bodies.get(name) {
+            return Ok(*body);
+        }
+        if self.bodies.len() >= MOST_BODIES {
+            return self.leave(Refused::Unknown);
+        }
+        let body = BodyId(self.bodies.len() as u32);
+        self.tell(Told::Body(name.into()))?;
+        self.bodies.insert(name.to_owned(), body);
+        Ok(body)
+    }
+
+    /// The object of a name, where the engine was started with it as one that moves.
+    pub fn object(&self, name: &str) -> Option<MoverId> {
+        self.movers.get(name).copied()
+    }
+
+    /// Tells of a contact of two bodies in a step of a simulation, in order of time: the numbers of the row are those of
+    /// [`Handle::body`], its line is not looked at.
+    ///
+    /// # Errors
+    /// What is told is left out, and counted.
+    pub fn contact(&mut self, [a, b]: [BodyId; 2], row: &ContactRow) -> Result<(), Refused> {
+        let (Push::Force(push) | Push::Impulse(push)) = row.push;
+        let named = [("time_s", row.time_s), ("push", push)].into_iter();
+        let named = named.chain(row.position_m.map(|c| ("position_m", c)));
+        let named = named.chain(row.normal.into_iter().flatten().map(|c| ("normal", c)));
+        let named = named.chain(row.normal_velocity_mps.map(|v| ("normal_velocity_mps", v)));
+        let mut named = named.chain(row.sliding_mps.map(|v| ("sliding_mps", v)));
+        if let Some((name, _)) = named.find(|(_, number)| number.abs() > FARTHEST || number.is_nan()) {
+            return self.leave(Refused::NotFinite(name));
+        }
+        if !(0.0..=LATEST_S).contains(&row.time_s) || row.time_s < self.known_s.max(self.contact_s) {
+            return self.leave(Refused::Earlier);
+        }
+        if [a, b].iter().any(|body| body.0 as usize >= self.bodies.len()) {
+            return self.leave(Refused::Unknown);
+        }
+        let row = ContactRow { a: a.0, b: b.0, line: self.rows + 1, ..row.clone() };
+        let time_s = row.time_s;
+        self.tell(Told::Contact(row))?;
+        (self.contact_s, self.rows) = (time_s, self.rows + 1);
+        Ok(())
+    }
+
+    /// Tells where an object is at a time.
+    ///
+    /// # Errors
+    /// What is told is left out, and counted.
+    pub fn transform(&mut self, object: MoverId, time_s: f64, pose: FedPose) -> Result<(), Refused> {
+        let numbers = [("time_s", time_s)].into_iter().chain(pose.position_m.map(|c| ("position_m", c)));
+        let mut numbers = numbers.chain(pose.rotation.map(|c| ("rotation", c)));
+        if let Some((name, _)) = numbers.find(|(_, number)| number.abs() > FARTHEST || number.is_nan()) {
+            return self.leave(Refused::NotFinite(name));
+        }
+        if pose.rotation.iter().map(|c| c * c).sum::<f64>() < 1e-12 {
+            return self.leave(Refused::NotFinite("rotation"));
+        }
+        if !(0.0..=LATEST_S).contains(&time_s) || time_s < self.known_s {
+            return self.leave(Refused::Earlier);
+        }
+        self.tell(Told::Pose(object, time_s, pose))
+    }
+
+    /// Tells where the listener is, where the engine was started with one that moves.
+    ///
+    /// # Errors
+    /// As [`Handle::transform`]; a listener that does not move.
+    pub fn listener(&mut self, time_s: f64, pose: FedPose) -> Result<(), Refused> {
+        match self.listener {
+            Some(listener) => self.transform(listener, time_s, pose),
+            None => self.leave(Refused::Unknown),
+        }
+    }
+
+    /// Says that all that happens before a time has been told. What was not told to move since has stood still.
+    ///
+    /// # Errors
+    /// A time that is earlier than before, or is none. Where there is no room it is said again with the next.
+    pub fn advance(&mut self, time_s: f64) -> Result<(), Refused> {
+        if !time_s.is_finite() {
+            return self.leave(Refused::NotFinite("time_s"));
+        }
+        if !(0.0..=LATEST_S).contains(&time_s) || time_s < self.known_s.max(self.contact_s) {
+            return self.leave(Refused::Earlier);
+        }
+        self.known_s = time_s;
+        self.owed_s = Some(time_s);
+        if self.told.push(Told::Advance(time_s)).is_ok() {
+            self.owed_s = None;
+        }
+        if let Some(worker) = &self.worker {
+            worker.thread().unpark();
+        }
+        Ok(())
+    }
+
+    fn tell(&mut self, told: Told) -> Result<(), Refused> {
+        if let Some(time_s) = self.owed_s
+            && self.told.push(Told::Advance(time_s)).is_ok()
+        {
+            self.owed_s = None;
+        }
+        if self.owed_s.is_some() || self.told.push(told).is_err() {
+            return self.leave(Refused::Full);
+        }
+        Ok(())
+    }
+
+    fn leave<T>(&mut self, why: Refused) -> Result<T, Refused> {
+        match why {
+            Refused::NotFinite(_) => self.left.not_finite += 1,
+            Refused::Earlier => self.left.earlier += 1,
+            Refused::Full => self.left.full += 1,
+            Refused::Unknown => self.left.unknown += 1,
+        }
+        Err(why)
+    }
+
+    /// What was left out so far.
+    pub fn left_out(&self) -> Left {
+        self.left
+    }
+
+    /// What happened on the audio thread.
+    pub fn statistics(&self) -> Statistics {
+        self.counters.statistics()
+    }
+
+    /// How long it takes, beside the way through the air, from a time that is told until it is due at the device, if time
+    /// is told as it passes.
+    pub fn latency_s(&self) -> f64 {
+        self.latency_s
+    }
+
+    /// What ended the worker, if something did; it is told once.
+    pub fn take_fault(&mut self) -> Option<Error> {
+        self.fault.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take()
+    }
+}
+
+impl Drop for Handle {
+    fn drop(&mut self) {
+        self.stop.store(true, Release);
+        if let Some(worker) = self.worker.take() {
+            worker.thread().unpark();
+            // It has told its fault, if it had one.
+            let _ = worker.join();
+        }
+        let _ = self.stop.load(Relaxed);
+    }
+}
+
+/// No number that is told may be further from 0.
+const FARTHEST: f64 = 1e12;
