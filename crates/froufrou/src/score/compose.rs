@@ -602,7 +602,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         let Some(voice) = self.voices.get_mut(&id) else { return Ok(()) };
         let beat_s =
             if voice.speed.is_some() && changes { WIND_STEP_S.min(self.beat_s) } else { self.beat_s };
-        let mut next_s = voice.end_s.min(time_s + beat_s);
+        let mut next_s = voice.end_s.min(time_s + beat_s.max(voice.beat_s));
         if let Some(key_s) = voice.next_key_s(time_s) {
             next_s = next_s.min(key_s);
         }
@@ -702,6 +702,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             end_s,
             passed_s: time_s,
             due_s: time_s,
+            beat_s: 0.0,
             cues,
             speed,
         };

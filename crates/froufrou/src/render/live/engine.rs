@@ -9,7 +9,7 @@ use std::time::Duration;
 use super::feed::{Feed, Told};
 use super::handle::{Handle, Left, MoverId};
 use super::{Player, Settings, Supply};
-use crate::motion::impact;
+use crate::motion::{impact, slide};
 use crate::render::production::{ChannelLines, PULSE, Production};
 use crate::scene::Scene;
 use crate::scene::fed::Fed;
@@ -160,7 +160,9 @@ fn work(
     let mixer = mixer.with_seed(header.seed).keeping_going(true).looking_ahead(ONSET_S);
     let mixer = if has_colours { mixer } else { mixer.uncoloured() };
     let analysed_s = impact::Settings::new(impact::Step::Fixed(settings.contact_step_s)).behind_s();
-    let known_s = behind_s + analysed_s + 5.0 * settings.key_step_s + mixer.look_ahead() as f64 / rate_hz;
+    // What slides has a key a moment.
+    let key_s = settings.key_step_s.max(slide::MOMENT_S).max(settings.contact_step_s);
+    let known_s = behind_s + analysed_s + 5.0 * key_s + mixer.look_ahead() as f64 / rate_hz;
     let part = Settings {
         ahead_s: settings.ahead_s,
         slice_frames: settings.slice_frames,

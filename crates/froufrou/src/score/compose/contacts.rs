@@ -165,6 +165,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
                 end_s: time_s + length_s,
                 passed_s: time_s,
                 due_s: time_s,
+                beat_s: 0.0,
                 cues,
                 speed: None,
             },
@@ -263,10 +264,8 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         voice.place = Place::Carrier(place);
         // It dies away where it is told nothing more.
         voice.gain = vec![(time_s, gain), (end_s, 0.0)];
-        if self.pulses {
-            // There are keys before more is told: until then it stays.
-            voice.gain.insert(1, (time_s + 1.5 * lasts_s, gain));
-        }
+        // No key comes before more is told: it would stand where it is, and die away.
+        voice.beat_s = 1.5 * lasts_s;
         voice.end_s = end_s;
         // Two logs may tell of one pair at one time.
         if voice.start.is_some() || voice.passed_s < time_s {

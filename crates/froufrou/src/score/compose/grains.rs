@@ -105,6 +105,7 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
             end_s: last_s,
             passed_s: begin_s,
             due_s: begin_s,
+            beat_s: 0.0,
             cues: cues.collect::<VecDeque<_>>(),
             speed: None,
         };

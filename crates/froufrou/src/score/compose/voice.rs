@@ -21,6 +21,8 @@ pub(super) struct Voice {
     pub passed_s: f64,
     /// When it has its next line.
     pub due_s: f64,
+    /// Its lines are no closer for the mere passing of time, in seconds.
+    pub beat_s: f64,
     /// What it is still told.
     pub cues: VecDeque<Telling>,
     /// What its control `speed` follows by itself.
@@ -70,6 +72,7 @@ impl Voice {
             end_s: time_s,
             passed_s: time_s,
             due_s: time_s,
+            beat_s: 0.0,
             cues: VecDeque::new(),
             speed: None,
         }
