@@ -220,6 +220,31 @@ fn where_the_worker_is_late_sounds_go_on_and_come_back() {
 }
 
 #[test]
+fn where_too_much_is_there_some_is_left_out_without_a_click() {
+    let studio = Studio::new();
+    let text = tone(&studio, "'mono'", false);
+    let production = studio.production(&text).unwrap();
+    let (supply, mut player) = open(&production, 0.02, 128);
+    let mut supply = supply.following();
+    let (mut all, mut block) = (Vec::new(), [0.0; 100]);
+    while !player.is_over() {
+        // Now and then all comes that there is room for.
+        if (all.len() / 100).is_multiple_of(8) || player.ready_frames() < 100 {
+            supply.go_on().unwrap();
+        }
+        let ((), calls) = calls(|| player.fill(&mut block));
+        assert_eq!(calls, 0, "the audio thread takes no memory");
+        all.extend_from_slice(&block);
+    }
+    let statistics = player.statistics();
+    assert!(statistics.skipped_frames > 10_000 && statistics.held == 0, "{statistics:?}");
+    let steps = |sound: &[f32]| sound.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f32::max);
+    let expected = studio.scene(&text, Take::at(RATE_HZ)).unwrap().mix;
+    let (found, steady) = (steps(&all[12_000..all.len() - 4_000]), steps(&expected[24_000..48_000]));
+    assert!(found <= 1.06 * steady, "{found} beside {steady}");
+}
+
+#[test]
 fn what_cannot_be_is_refused() {
     let studio = Studio::new();
     let production = studio.production(&tone(&studio, "'mono'", false)).unwrap();

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering::{Relaxed, Release};
+use std::sync::atomic::Ordering::Release;
 use std::thread::JoinHandle;
 
 use rtrb::Producer;
@@ -53,9 +53,33 @@ pub struct Left {
     pub unknown: u64,
 }
 
-/// A pose in the world and the time at which something has it, and contacts as rows of a log have them, are told to an
-/// engine through this. No call waits for the worker or the audio thread. When it is dropped the worker ends, and what sounds
-/// fades.
+/// Through this an engine is told contacts, as rows of a log have them, and the poses of what moves. No call waits for the
+/// worker or the audio thread. When it is dropped the worker ends, and what sounds fades.
+///
+/// ```no_run
+/// use froufrou::render::live::{self, EngineSettings};
+/// use froufrou::scene::Scene;
+/// use froufrou::scene::contact_log::{ContactRow, Push};
+///
+/// let settings = EngineSettings { moves_listener: true, ..EngineSettings::default() };
+/// let (mut handle, mut player) = live::start(Scene::open("scene.toml", false)?, settings)?;
+/// // The callback of a device owns the player: `player.fill(block)`.
+/// # let mut block = [0.0; 256];
+/// # player.fill(&mut block);
+/// let bodies = [handle.body("ball")?, handle.body("floor")?];
+/// for frame in 1..=600 {
+///     let time_s = f64::from(frame) / 60.0;
+///     let row = ContactRow {
+///         time_s, a: 0, b: 0, position_m: [0.0; 3], push: Push::Impulse(0.2), normal: None,
+///         normal_velocity_mps: None, sliding_mps: None, line: 0,
+///     };
+///     if frame % 60 == 0 {
+///         handle.contact(bodies, &row)?;
+///     }
+///     handle.advance(time_s)?;
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Handle {
     pub(super) told: Producer<Told>,
     pub(super) bodies: BTreeMap<String, BodyId>,
@@ -213,10 +237,16 @@ impl Handle {
         self.counters.statistics()
     }
 
-    /// How long it takes, beside the way through the air, from a time that is told until it is due at the device, if time
-    /// is told as it passes.
+    /// How long it takes at most, beside the way through the air, from a time that is told until it is due at the device, if
+    /// time is told as it passes. Where the listener moves, the way through the air of what is farthest comes on top, for all that
+    /// sounds: where it will be when that arrives must be known first.
     pub fn latency_s(&self) -> f64 {
         self.latency_s
+    }
+
+    /// Whether the worker goes on. Where it does not, [`Handle::take_fault`] may say why.
+    pub fn is_running(&self) -> bool {
+        self.worker.as_ref().is_some_and(|worker| !worker.is_finished())
     }
 
     /// What ended the worker, if something did; it is told once.
@@ -233,7 +263,6 @@ impl Drop for Handle {
             // It has told its fault, if it had one.
             let _ = worker.join();
         }
-        let _ = self.stop.load(Relaxed);
     }
 }
 

@@ -19,6 +19,16 @@
 //! worker fills them again or frees them; the audio thread frees nothing. There are no more of them than both rings
 //! hold, so neither can overflow, and memory is bounded.
 //!
+//! **An engine** ([`start`]) has a worker of its own, which is told what happens while it does. The game thread tells a
+//! [`Handle`] contacts, poses and how far time has come; nothing of that waits, and what cannot be taken is counted. It goes
+//! through a third ring to the worker, where a chain of the same stages as ever pulls: `motion::lives` finds impacts and slides,
+//! the composer makes a score of them, propagation finds what is heard, and the mixer reads its lines. Where nobody knows yet
+//! what comes next, the chain waits (the worker does, and no one else). [`Handle::advance`] lets it go on:
+//! [`Event::Quiet`](crate::motion::event::Event::Quiet) tells the composer that nothing more comes before a time, and a thread
+//! that is silent ([`PULSE`](super::production::PULSE)) has a key every few milliseconds, so that every stage has a next line. The
+//! same events, known beforehand ([`Production::told_lines`](super::production::Production::told_lines)) and rendered to a file,
+//! give the same samples.
+//!
 //! **How time advances.** The player counts the frames of the score that it has played and lets the worker know. The
 //! worker stays [`Settings::ahead_s`] ahead of that, and no line is read earlier than its slice asks for. The audio thread
 //! never waits: where the next slice is late, all that sounds goes on as it was, recordings along the last of their
@@ -30,7 +40,9 @@
 //! **What the latency is made of.** From the time of a line to the device: its way through the air; what the mixer has to
 //! know ahead ([`Mixer::look_ahead`], small for a mixer that is
 //! [uncoloured](Mixer::uncoloured) and does not [look ahead](Mixer::looking_ahead)) and, for what moves, the two keys behind;
-//! [`Settings::ahead_s`]; [`Player::limiter_latency`]; a block of the device.
+//! [`Settings::ahead_s`]; [`Player::limiter_latency`]; a block of the device. In an engine a key is as good as known once four
+//! more are, of which there is one every [`EngineSettings::key_step_s`], and of what slides one a moment; analysers are behind as
+//! they say. [`Handle::latency_s`] is the sum of it.
 //!
 //! **What is taken before it begins.** Room for 256 frames of all channels, lanes and one voice (blocks are rendered in such
 //! pieces), the rings, the limiter's frames, and the tables of the resampling kernels, which the worker makes as far

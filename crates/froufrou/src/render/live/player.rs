@@ -177,7 +177,7 @@ impl Player {
             if there == 0 && end != 0 && self.frame + 1 >= end {
                 self.give_back(last);
                 self.counters.is_over.store(true, Relaxed);
-            } else if (1..=self.most_slices).contains(&there) {
+            } else if (1..=self.most_slices).contains(&there) || there > 0 && self.joined.is_some() {
                 self.give_back(last);
                 self.begin();
             } else {
