@@ -260,7 +260,7 @@ impl pulp::WithSimd for Spreading<'_> {
         for (chunk, samples) in self.samples.chunks(CHUNK).enumerate() {
             let done = chunk * CHUNK;
             let first = (self.first + done as u64) as f64;
-            for (n, along) in along.iter_mut().enumerate() {
+            for (n, along) in along[..samples.len()].iter_mut().enumerate() {
                 let arrival_s = (first + n as u32 as f64) * frame_s;
                 *along = ((arrival_s - self.segment.begin_s) * per_s).clamp(0.0, 1.0) as f32;
             }
