@@ -82,7 +82,7 @@ pub fn start(scene: Scene, settings: EngineSettings) -> Result<(Handle, Player)>
     let spawned = {
         let (stop, fault) = (stop.clone(), fault.clone());
         std::thread::Builder::new().name("froufrou".into()).spawn(move || {
-            let run = work(scene, &settings, coming, &stop, &ready);
+            let run = work(scene, &settings, coming, &stop, &fault, &ready);
             if let Err(error) = run {
                 *fault.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
             }
@@ -127,6 +127,7 @@ fn work(
     settings: &EngineSettings,
     told: rtrb::Consumer<Told>,
     stop: &Arc<AtomicBool>,
+    fault: &Mutex<Option<Error>>,
     ready: &mpsc::SyncSender<Opened>,
 ) -> Result<()> {
     let mut fed: Vec<Arc<Fed>> = Vec::new();
@@ -177,7 +178,11 @@ fn work(
     }
     while !stop.load(Acquire) {
         supply.go_on()?;
+        // Nobody asks what has begun; it would grow.
         supply.take_begun();
+        if let Some(silenced) = supply.take_faults().1.into_iter().next() {
+            fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(silenced);
+        }
         std::thread::park_timeout(NAP);
     }
     Ok(())

@@ -183,7 +183,8 @@ impl Handle {
         }
     }
 
-    /// Says that all that happens before a time has been told. What was not told to move since has stood still.
+    /// Says that all that happens before a time has been told, which is not before that of the last contact. What was not
+    /// told to move since has stood still.
     ///
     /// # Errors
     /// A time that is earlier than before, or is none. Where there is no room it is said again with the next.
@@ -249,7 +250,8 @@ impl Handle {
         self.worker.as_ref().is_some_and(|worker| !worker.is_finished())
     }
 
-    /// What ended the worker, if something did; it is told once.
+    /// What went wrong in the worker, if something did; it is told once. A synthesised sound that fails falls silent; all else
+    /// ends the worker.
     pub fn take_fault(&mut self) -> Option<Error> {
         self.fault.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take()
     }

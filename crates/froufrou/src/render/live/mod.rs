@@ -44,6 +44,9 @@
 //! more are, of which there is one every [`EngineSettings::key_step_s`], and of what slides one a moment; analysers are behind as
 //! they say. [`Handle::latency_s`] is the sum of it.
 //!
+//! **What of the system is called.** No lock and no allocation; for the load in [`Statistics`] the clock is read twice a block,
+//! which common systems do without a system call. A player is to be dropped elsewhere than in the callback of a device.
+//!
 //! **What is taken before it begins.** Room for 256 frames of all channels, lanes and one voice (blocks are rendered in such
 //! pieces), the rings, the limiter's frames, and the tables of the resampling kernels, which the worker makes as far
 //! as the fastest way in a slice needs them.
