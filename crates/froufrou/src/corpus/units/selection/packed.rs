@@ -6,13 +6,15 @@
 
 use rayon::prelude::*;
 
+use super::paged::Paged;
+
 /// Vectors of so many numbers, of several kinds, for each node as many bytes.
 pub(super) struct Packed {
     dimensions: usize,
     kinds: usize,
     /// Bytes of one kind in a node: the lowest of each number and the step, then what is packed.
     room: usize,
-    bytes: Vec<u8>,
+    bytes: Paged<u8>,
 }
 
 /// What the bytes of a kind in a node mean.
@@ -52,7 +54,7 @@ impl Packed {
                 pack(node, kind, (lowest, step), bytes);
             },
         );
-        Self { dimensions, kinds, room, bytes: all }
+        Self { dimensions, kinds, room, bytes: Paged::new(all) }
     }
 
     /// The bytes of a kind in a node, and what they mean.
