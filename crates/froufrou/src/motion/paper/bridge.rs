@@ -84,13 +84,6 @@ pub(super) struct Frame<'a> {
     pub pools: &'a [u32],
 }
 
-impl Frame<'_> {
-    /// The integral of the mean curvature over some vertices, in metres.
-    pub fn integral(&self, of: &[u32], mean_per_m: &[f64]) -> f64 {
-        of.iter().map(|&v| self.lie.vertex_areas[v as usize] * mean_per_m[v as usize]).sum()
-    }
-}
-
 impl Bridges {
     /// Takes the next frame, and tells which bows have come through since the last. `last` are the curvatures in the
     /// frames before.
@@ -159,7 +152,8 @@ impl Bridges {
             supports.dedup();
             let Some(mut bridge) = Bridge::new(frame, members, supports) else { continue };
             let is_known = |known: &&Bridge| {
-                let same = known.supports.iter().filter(|&support| bridge.supports.contains(support));
+                let same =
+                    known.supports.iter().filter(|&support| bridge.supports.binary_search(support).is_ok());
                 2 * same.count() >= known.supports.len()
             };
             if let Some(known) = old.iter().find(is_known) {
@@ -167,7 +161,7 @@ impl Bridges {
                 bridge.rates.clone_from(&known.rates);
                 (bridge.side, bridge.has_bowed) = (known.side, known.has_bowed);
             }
-            bridge.turns.extend(last.iter().map(|(at_s, h)| (*at_s, frame.integral(&bridge.members, h))));
+            bridge.turns.extend(last.iter().map(|(at_s, h)| (*at_s, frame.lie.integral(&bridge.members, h))));
             self.all.push(bridge);
         }
     }
@@ -205,9 +199,7 @@ impl Bridge {
             let inner = part(&free_m, vertex, inner_m, INNER).max(0.0);
             (vertex, part(&held_m, vertex, 0.5 * span_m, MIDDLE) * inner * lie.vertex_areas[vertex as usize])
         };
-        let mut middle: Vec<(u32, f64)> = across.iter().map(weight).filter(|of| of.1 > 0.0).collect();
-        // The one that counts most stands for all.
-        middle.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        let middle: Vec<(u32, f64)> = across.iter().map(weight).filter(|of| of.1 > 0.0).collect();
         members.extend(&supports);
         members.sort_unstable();
         (!middle.is_empty()).then(|| Self {
@@ -230,7 +222,7 @@ impl Bridge {
             self.side = 0;
             return None;
         };
-        let turned = frame.integral(&self.members, mean_per_m);
+        let turned = frame.lie.integral(&self.members, mean_per_m);
         let rate = Course::new(self.turns.iter().copied(), (time_s, turned)).rate();
         self.rates.push_back((time_s, rate));
         let before_m = self.bows.back().map_or(0.0, |last| last.1);
@@ -239,7 +231,8 @@ impl Bridge {
         if side * before_m > 0.0 && side * bow_m <= 0.0 {
             let towards = self.bows.iter().map(|&(at_s, bow_m)| (at_s, -side * bow_m));
             let course = Course::new(towards, (time_s, -side * bow_m));
-            let energy_mps = self.rates.iter().map(|&(_, rate)| -side * rate).fold(0.0, f64::max);
+            let rates = self.rates.iter().filter(|&&(at_s, _)| time_s - at_s <= TURNED_S);
+            let energy_mps = rates.map(|&(_, rate)| -side * rate).fold(0.0, f64::max);
             if course.goes_on(BEYOND * self.span_m) {
                 let time_s = course.crossing().0;
                 let vertices = self.members.clone();

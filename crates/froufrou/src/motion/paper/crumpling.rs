@@ -279,7 +279,7 @@ impl Crumpling {
             };
             let bow = self.bow(now, vertex, at);
             let last_per_m = self.last.back().map_or(&[][..], |last| &last.1);
-            let turned = integral(now.lie, &bow, last_per_m);
+            let turned = now.lie.integral(&bow, last_per_m);
             if let Some(open) = self.open.iter_mut().find(|open| open.number == at) {
                 open.turned += turned;
                 open.bow.extend(bow);
@@ -392,7 +392,7 @@ impl Crumpling {
             let curved = |of: &[u32]| {
                 of.iter().map(|&v| area(v) * self.states[v as usize].greatest(open.first_s)).sum::<f64>()
             };
-            let [before, after] = [last_per_m, mean_per_m].map(|h| sign * integral(lie, &open.bow, h));
+            let [before, after] = [last_per_m, mean_per_m].map(|h| sign * lie.integral(&open.bow, h));
             let pool = open.pool(pools);
             let all = || (0..pools.len() as u32).filter(|&v| Some(pools[v as usize]) == pool);
             let waits = || {
@@ -451,8 +451,8 @@ impl Crumpling {
     ) -> Option<Flip> {
         let Now { time_s, lie, mean_per_m, .. } = now;
         let sign = if positive { 1.0 } else { -1.0 };
-        let before = self.last.iter().map(|(frame_s, h)| (*frame_s, sign * integral(lie, &vertices, h)));
-        let course = Course::new(before, (time_s, sign * integral(lie, &vertices, mean_per_m)));
+        let before = self.last.iter().map(|(frame_s, h)| (*frame_s, sign * lie.integral(&vertices, h)));
+        let course = Course::new(before, (time_s, sign * lie.integral(&vertices, mean_per_m)));
         let (mut greatest, mut area) = (0.0, 0.0);
         for &v in &vertices {
             let own = lie.vertex_areas[v as usize];
@@ -494,11 +494,6 @@ impl Crumpling {
             (state.told, state.told_s) = (if state.side == side { 0 } else { side }, time_s);
         }
     }
-}
-
-/// The integral of the mean curvature over some vertices, in metres.
-fn integral(lie: &Lie, of: &[u32], mean_per_m: &[f64]) -> f64 {
-    of.iter().map(|&v| lie.vertex_areas[v as usize] * mean_per_m[v as usize]).sum()
 }
 
 /// The side on which a curvature is; 0 where the sheet is flat.
