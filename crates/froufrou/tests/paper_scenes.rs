@@ -135,6 +135,28 @@ fn what_is_said_to_be_held_or_to_touch_is_constrained() {
 }
 
 #[test]
+fn a_simulator_may_say_what_tears() {
+    let studio = Studio::new();
+    studio.sheet("letter", CELLS, (FRAMES, FPS), |_, corner| bent(0.0, corner));
+    let side = CELLS + 1;
+    let edge = |i: usize| [side * 3 + i, side * 3 + i + 1];
+    // An edge more each hundredth of a second, which is more often than there are frames.
+    let lines =
+        (1..8).map(|i| format!("{{\"time_s\":{},\"torn\":[{:?}]}}\n", 0.3 + 0.01 * i as f64, edge(i)));
+    studio.file("letter.jsonl", &lines.collect::<String>());
+    let paper = "{ corpus = 'synthetic/printer', regions = 'letter.jsonl' }";
+    let scene = scene(&studio, paper, "");
+    let events = studio.production(&scene).unwrap().events().unwrap();
+    let tears: Vec<_> = events.filter_map(|event| event.unwrap().tear().cloned()).collect();
+    let length_m: f64 = tears.iter().map(|tear| tear.length_m).sum();
+    assert!((length_m - 7.0 * 0.2 / CELLS as f64).abs() < 1e-6, "{tears:?}");
+    assert!(tears.iter().all(|tear| (0.3..0.4).contains(&tear.time_s)), "{tears:?}");
+    let sound = studio.scene(&scene, Take::at(RATE_HZ)).unwrap().channel(0);
+    assert_eq!(power(&sound, 0.0, 0.3), 0.0);
+    assert!(power(&sound, 0.3, 0.45) > 0.0 && power(&sound, 0.8, 1.0) == 0.0);
+}
+
+#[test]
 fn along_another_material_it_may_sound_otherwise() {
     let studio = Studio::new();
     studio.sheet("letter", CELLS, (FRAMES, FPS), bowed);

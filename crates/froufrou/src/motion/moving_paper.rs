@@ -85,6 +85,8 @@ struct Regions {
     /// Those that hold now, and those that come next, each with its line.
     now: Option<(usize, Partition)>,
     next: Option<(usize, Partition)>,
+    /// What was torn since the last frame.
+    torn: Vec<[u32; 2]>,
 }
 
 impl Regions {
@@ -92,7 +94,7 @@ impl Regions {
         let open = File::open(file).map_err(|fault| Error::io("open", file, fault))?;
         let mut reader = Reader::new(BufReader::new(open), file);
         let next = Self::read(&mut reader)?;
-        Ok(Self { file: file.to_owned(), reader, now: None, next })
+        Ok(Self { file: file.to_owned(), reader, now: None, next, torn: Vec::new() })
     }
 
     fn read(reader: &mut Reader<BufReader<File>>) -> Result<Option<(usize, Partition)>> {
@@ -100,16 +102,23 @@ impl Regions {
         Ok(read.map(|partition| (reader.line(), partition)))
     }
 
-    /// Those that hold at a time for a mesh.
-    fn at(&mut self, time_s: f64, mesh: &Mesh) -> Result<Option<&Partition>> {
-        while self.next.as_ref().is_some_and(|(_, next)| next.time_s <= time_s + EARLY_S) {
-            self.now = self.next.take();
+    /// Those that hold at a time for a mesh, and what is torn since the last time.
+    fn at(&mut self, time_s: f64, mesh: &Mesh) -> Result<Option<Partition>> {
+        self.torn.clear();
+        while let Some((line, mut next)) = self.next.take_if(|(_, next)| next.time_s <= time_s + EARLY_S) {
+            self.check(line, &next, mesh)?;
+            self.torn.append(&mut next.torn);
+            self.now = Some((line, next));
             self.next = Self::read(&mut self.reader)?;
         }
         let Some((line, now)) = &self.now else { return Ok(None) };
-        let place = Place::Line { line: *line, column: 0 };
-        now.check(mesh).map_err(|fault| fault.in_file(self.file.clone()).at(place))?;
-        Ok(Some(now))
+        self.check(*line, now, mesh)?;
+        Ok(Some(Partition { torn: self.torn.clone(), ..now.clone() }))
+    }
+
+    fn check(&self, line: usize, partition: &Partition, mesh: &Mesh) -> Result<()> {
+        let place = Place::Line { line, column: 0 };
+        partition.check(mesh).map_err(|fault| fault.in_file(self.file.clone()).at(place))
     }
 }
 
@@ -153,7 +162,7 @@ impl Analyse for Sheets {
             if let (Some(file), Some(mesh)) = (file, meshes.get(object))
                 && let Some(partition) = file.at(time_s, mesh)?
             {
-                self.analyser.give(object, partition.clone())?;
+                self.analyser.give(object, partition)?;
             }
         }
         for force in &self.forces {

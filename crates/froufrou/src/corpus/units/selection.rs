@@ -25,6 +25,7 @@
 
 mod index;
 mod packed;
+mod paged;
 mod search;
 mod tree;
 

@@ -47,7 +47,7 @@ impl PartialOrd for Reached {
 }
 
 /// Dijkstra's algorithm within a radius, over and over on the same mesh.
-pub(super) struct Ways<'a> {
+pub(in crate::motion) struct Ways<'a> {
     surface: &'a Triangulation,
     positions: &'a [[f32; 3]],
     /// The shortest known way to each vertex; without bounds where none is.
@@ -62,13 +62,15 @@ impl<'a> Ways<'a> {
         Self { surface, positions, way_m, met: Vec::new(), heap: BinaryHeap::new() }
     }
 
-    /// The vertices within a distance along the edges of one, and how far they are, nearest first.
-    pub fn within(&mut self, seed: u32, radius_m: f64) -> Vec<(u32, f64)> {
+    /// The vertices within a distance along the edges of the nearest of some, and how far they are, nearest first.
+    pub fn within(&mut self, seeds: &[u32], radius_m: f64) -> Vec<(u32, f64)> {
         let place = |vertex: u32| DVec3::from(self.positions[vertex as usize].map(f64::from));
         let mut found = Vec::new();
-        self.way_m[seed as usize] = 0.0;
-        self.met.push(seed);
-        self.heap.push(Reverse(Reached { way: 0.0, vertex: seed }));
+        for &seed in seeds {
+            self.way_m[seed as usize] = 0.0;
+            self.met.push(seed);
+            self.heap.push(Reverse(Reached { way: 0.0, vertex: seed }));
+        }
         while let Some(Reverse(Reached { way, vertex })) = self.heap.pop() {
             if way > self.way_m[vertex as usize] {
                 continue;
@@ -104,7 +106,7 @@ impl Surroundings {
             if patches[seed as usize] != u32::MAX || surface.fan(seed).is_empty() {
                 continue;
             }
-            for (vertex, _) in ways.within(seed, PATCH * radius_m) {
+            for (vertex, _) in ways.within(&[seed], PATCH * radius_m) {
                 if patches[vertex as usize] == u32::MAX {
                     patches[vertex as usize] = seeds.len() as u32;
                 }
@@ -112,7 +114,7 @@ impl Surroundings {
             seeds.push(seed);
         }
         let near = |ways: &mut Ways<'_>, seed: u32| {
-            let vertices = ways.within(seed, (1.0 + PATCH) * radius_m);
+            let vertices = ways.within(&[seed], (1.0 + PATCH) * radius_m);
             let triangles = vertices.iter().flat_map(|&(vertex, _)| surface.fan(vertex));
             let mut numbers: Vec<u32> = triangles.map(|&triangle| number[triangle as usize]).collect();
             numbers.sort_unstable();

@@ -16,7 +16,7 @@
 pub mod buckles;
 pub mod curvature;
 pub(super) mod gather;
-mod geodesic;
+pub(in crate::motion) mod geodesic;
 mod leaf;
 pub(super) mod meshes;
 mod patches;

@@ -14,6 +14,9 @@
 //! A dent that springs in a bow that stays is small beside the bow. It is told as it springs: when what has crossed does
 //! so within some 30 ms, and is most of what moves.
 //!
+//! What is held on two sides or all around flips when its middle comes through between, see `bridge`; what goes over of it
+//! before and after is silent, and of dents are told those that are most of what moves.
+//!
 //! What crosses after that to the same side among the same resonators belongs to the same flip, until nothing has
 //! crossed for a while. What comes over later still does so without a sound, unless it springs.
 
@@ -21,6 +24,7 @@ use std::collections::VecDeque;
 
 use glam::DVec3;
 
+use super::bridge::{Bridges, Frame, Through};
 use super::course::Course;
 use super::sheet::{Lie, NONE, Sheet};
 
@@ -117,6 +121,11 @@ impl Open {
         self.bow.iter().map(|&v| pools[v as usize]).find(|&pool| pool != NONE)
     }
 
+    /// Whether it goes to a side in a pool.
+    fn is_among(&self, pool: u32, positive: bool, pools: &[u32]) -> bool {
+        self.positive == positive && self.bow.iter().any(|&v| pools[v as usize] == pool)
+    }
+
     fn is_over(&self, time_s: f64) -> bool {
         time_s - self.last_s > GAP_S
             || time_s - self.first_s > OLDEST_S
@@ -147,6 +156,7 @@ pub(super) struct Crumpling {
     before: Vec<i8>,
     open: Vec<Open>,
     next: u32,
+    bridges: Bridges,
 }
 
 impl Crumpling {
@@ -160,24 +170,20 @@ impl Crumpling {
             before: Vec::new(),
             open: Vec::new(),
             next: 0,
+            bridges: Bridges::default(),
         }
     }
 
-    /// Takes the mean curvature in the next frame, and tells what has flipped since the last. `pools` tells among which
-    /// resonators each vertex is; [`NONE`] where it is among none.
-    pub fn feed(
-        &mut self,
-        time_s: f64,
-        sheet: &Sheet,
-        lie: &Lie,
-        mean_per_m: &[f64],
-        pools: &[u32],
-    ) -> Vec<Flip> {
+    /// Takes the next frame, and tells what has flipped since the last.
+    pub fn feed(&mut self, frame: Frame<'_>) -> Vec<Flip> {
+        let Frame { time_s, sheet, lie, mean_per_m, pools, .. } = frame;
         let mut flips = Vec::new();
+        let through = self.bridges.feed(frame, &self.last);
         if let Some(last_s) = self.last.back().map(|last| last.0) {
             let now = Now { time_s, last_s, sheet, lie, mean_per_m, pools };
             self.cross(now);
-            flips = self.tell_wholes(now);
+            flips = self.tell_bridges(now, through);
+            flips.extend(self.tell_wholes(now));
             flips.extend(self.tell_bows(now));
             self.open.retain(|open| !open.is_over(time_s));
         } else {
@@ -273,7 +279,7 @@ impl Crumpling {
             };
             let bow = self.bow(now, vertex, at);
             let last_per_m = self.last.back().map_or(&[][..], |last| &last.1);
-            let turned = integral(now.lie, &bow, last_per_m);
+            let turned = now.lie.integral(&bow, last_per_m);
             if let Some(open) = self.open.iter_mut().find(|open| open.number == at) {
                 open.turned += turned;
                 open.bow.extend(bow);
@@ -311,6 +317,30 @@ impl Crumpling {
         bow
     }
 
+    /// Tells which of what is held has flipped.
+    fn tell_bridges(&mut self, now: Now<'_>, through: Vec<Through>) -> Vec<Flip> {
+        let mut flips = Vec::new();
+        for Through { vertices, time_s, positive, energy_mps } in through {
+            if energy_mps <= 0.0 || energy_mps < self.least_energy_mps {
+                continue;
+            }
+            let mut pools: Vec<u32> = vertices.iter().map(|&v| now.pools[v as usize]).collect();
+            pools.sort_unstable();
+            pools.dedup();
+            let near = |open: &&mut Open| pools.iter().any(|&pool| open.is_among(pool, positive, now.pools));
+            let mut first_s = now.last_s.min(time_s);
+            for open in self.open.iter_mut().filter(near) {
+                first_s = first_s.min(open.first_s);
+                open.told_s = Some(time_s);
+            }
+            let position = self.position(now, &vertices);
+            let flip = Flip { time_s, first_s, energy_mps, positive, position, vertices };
+            self.remember(now.time_s, &flip);
+            flips.push(flip);
+        }
+        flips
+    }
+
     /// Tells which pools have flipped as a whole.
     fn tell_wholes(&mut self, now: Now<'_>) -> Vec<Flip> {
         let Now { lie, mean_per_m, pools, .. } = now;
@@ -331,11 +361,12 @@ impl Crumpling {
             if !is_over {
                 continue;
             }
-            let members = (0..pools.len() as u32).filter(|&v| pools[v as usize] == pool as u32);
-            let vertices: Vec<u32> = members.collect();
-            let near = |open: &&mut Open| {
-                open.positive == positive && open.bow.iter().any(|&v| pools[v as usize] == pool as u32)
-            };
+            let pool = pool as u32;
+            if self.bridges.spans(pool) {
+                continue;
+            }
+            let vertices = (0..pools.len() as u32).filter(|&v| pools[v as usize] == pool).collect();
+            let near = |open: &&mut Open| open.is_among(pool, positive, pools);
             let first_s =
                 self.open.iter_mut().filter(near).map(|open| open.first_s).fold(now.last_s, f64::min);
             let Some(flip) = self.heard(now, vertices, positive, first_s, true) else { continue };
@@ -361,25 +392,31 @@ impl Crumpling {
             let curved = |of: &[u32]| {
                 of.iter().map(|&v| area(v) * self.states[v as usize].greatest(open.first_s)).sum::<f64>()
             };
-            let [before, after] = [last_per_m, mean_per_m].map(|h| sign * integral(lie, &open.bow, h));
+            let [before, after] = [last_per_m, mean_per_m].map(|h| sign * lie.integral(&open.bow, h));
             let pool = open.pool(pools);
+            let all = || (0..pools.len() as u32).filter(|&v| Some(pools[v as usize]) == pool);
             let waits = || {
-                let all = (0..pools.len() as u32).filter(|&v| Some(pools[v as usize]) == pool);
-                let all: f64 = all.map(|v| area(v) * self.states[v as usize].greatest(open.first_s)).sum();
+                let all: f64 = all().map(|v| area(v) * self.states[v as usize].greatest(open.first_s)).sum();
                 curved(&open.bow) >= MUCH * all
             };
             // Over, or all over.
             let level = -sign * open.turned;
             let is_over = !open.is_late && before < 0.0 && after >= 0.0 && !waits();
             let is_all_over = !open.is_late && level > 0.0 && before < level && after >= level && waits();
+            // What is held flips when its middle comes through; its ends went before.
+            let is_bridge = pool.is_some_and(|pool| self.bridges.spans(pool));
             // What has just flipped trembles.
             let trembles = |&v: &u32| time_s - self.states[v as usize].told_s <= GAP_S;
             let springs = || {
-                let moves: f64 = open.bow.iter().map(|&v| gain(v).max(0.0)).sum();
+                let moves: f64 = match is_bridge {
+                    // As its ends are turned all of it moves.
+                    true => all().map(|v| gain(v).abs()).sum(),
+                    false => open.bow.iter().map(|&v| gain(v).max(0.0)).sum(),
+                };
                 let crosses: f64 = open.crossed.iter().map(|&v| gain(v)).sum();
                 crosses >= MOST * moves && curved(&open.crossed) * (time_s - last_s) < SPRING_S * crosses
             };
-            if is_over || is_all_over {
+            if !is_bridge && (is_over || is_all_over) {
                 told.push((at, true, open.bow.clone()));
             } else if open.last_s == time_s && springs() && !open.crossed.iter().any(trembles) {
                 told.push((at, false, open.crossed.clone()));
@@ -414,8 +451,8 @@ impl Crumpling {
     ) -> Option<Flip> {
         let Now { time_s, lie, mean_per_m, .. } = now;
         let sign = if positive { 1.0 } else { -1.0 };
-        let before = self.last.iter().map(|(frame_s, h)| (*frame_s, sign * integral(lie, &vertices, h)));
-        let course = Course::new(before, (time_s, sign * integral(lie, &vertices, mean_per_m)));
+        let before = self.last.iter().map(|(frame_s, h)| (*frame_s, sign * lie.integral(&vertices, h)));
+        let course = Course::new(before, (time_s, sign * lie.integral(&vertices, mean_per_m)));
         let (mut greatest, mut area) = (0.0, 0.0);
         for &v in &vertices {
             let own = lie.vertex_areas[v as usize];
@@ -432,15 +469,21 @@ impl Crumpling {
         if !is_heard {
             return None;
         }
-        let (_, last_per_m) = self.last.back()?;
+        let position = self.position(now, &vertices);
+        Some(Flip { time_s: told_s, first_s: first_s.min(told_s), energy_mps, positive, position, vertices })
+    }
+
+    /// The middle of what some vertices bend.
+    fn position(&self, now: Now<'_>, vertices: &[u32]) -> DVec3 {
+        let Now { lie, mean_per_m, .. } = now;
+        let Some((_, last_per_m)) = self.last.back() else { return DVec3::ZERO };
         let (mut middle, mut weight) = (DVec3::ZERO, 0.0);
-        for &v in &vertices {
+        for &v in vertices {
             let part = lie.vertex_areas[v as usize] * (mean_per_m[v as usize] - last_per_m[v as usize]).abs();
             middle += part * lie.points[v as usize];
             weight += part;
         }
-        let position = if weight > 0.0 { middle / weight } else { DVec3::ZERO };
-        Some(Flip { time_s: told_s, first_s: first_s.min(told_s), energy_mps, positive, position, vertices })
+        if weight > 0.0 { middle / weight } else { DVec3::ZERO }
     }
 
     /// Remembers what was to go over with a flip, and is not there yet.
@@ -451,11 +494,6 @@ impl Crumpling {
             (state.told, state.told_s) = (if state.side == side { 0 } else { side }, time_s);
         }
     }
-}
-
-/// The integral of the mean curvature over some vertices, in metres.
-fn integral(lie: &Lie, of: &[u32], mean_per_m: &[f64]) -> f64 {
-    of.iter().map(|&v| lie.vertex_areas[v as usize] * mean_per_m[v as usize]).sum()
 }
 
 /// The side on which a curvature is; 0 where the sheet is flat.

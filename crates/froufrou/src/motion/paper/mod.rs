@@ -9,6 +9,7 @@
 //! Nothing looks ahead: what a frame shows is told when it is fed, at times since the frame before.
 
 mod bending;
+mod bridge;
 mod course;
 mod crumpling;
 mod holding;
@@ -22,6 +23,7 @@ mod tearing;
 use std::collections::VecDeque;
 
 use self::bending::Bending;
+use self::bridge::Frame;
 use self::crumpling::Crumpling;
 use self::holding::{Holding, LET_GO};
 use self::ready_made::Partition;
@@ -208,19 +210,26 @@ impl Page {
         };
         let ((), contacts) = rayon::join(bend, || proximity.contacts(objects));
         holding.feed(time_s, step_s, *object, contacts, objects, lie);
-        match given {
-            Some(partition) => {
-                let faces = meshes.faces(*object).map_or(0, |faces| faces.sizes.len());
-                let known = partition.given(faces, sheet, own.surface(), lie)?;
-                regions.take(lie, bending, &known.of, &known.is_curved, &known.rulings);
-                holding.name(own.surface(), partition.held.as_deref(), partition.touching.as_deref());
-            }
+        let known = given.map(|partition| {
+            let faces = meshes.faces(*object).map_or(0, |faces| faces.sizes.len());
+            partition.given(faces, sheet, own.surface(), lie)
+        });
+        let known = known.transpose()?.flatten();
+        match &known {
+            Some(known) => regions.take(lie, bending, &known.of, &known.is_curved, &known.rulings),
             None => regions.find(time_s, sheet, lie, bending, settings.flat_rad),
+        }
+        if let Some(partition) = given {
+            holding.name(own.surface(), partition.held.as_deref(), partition.touching.as_deref());
         }
         let seen = Seen::new(sheet, lie, regions, bending, holding, settings.flat_rad);
         spreading.part(seen);
         let name = |object: u32| meshes.name(object);
         let mut events = Vec::new();
+        if let Some(partition) = given.filter(|_| step_s > 0.0) {
+            let told = tearing::told(&partition.torn, own.surface(), own.positions());
+            events.extend(told.iter().map(|torn| torn_apart(torn, name(*object), time_s, step_s)));
+        }
         if step_s > 0.0 {
             let before_s = time_s - step_s;
             let pressing_n = pressing.of(*object, own.surface());
@@ -234,13 +243,23 @@ impl Page {
             }
         }
         spreading.pools(seen, own.surface(), pools);
-        let flips = crumpling.feed(time_s, sheet, lie, &bending.mean_per_m, pools);
+        let frame = Frame {
+            time_s,
+            sheet,
+            surface: own.surface(),
+            positions: own.positions(),
+            lie,
+            mean_per_m: &bending.mean_per_m,
+            holds: &holding.holds,
+            pools,
+        };
+        let flips = crumpling.feed(frame);
         if flips.is_empty() {
             return Ok(events);
         }
         // As it flips a sheet may be flat for a moment; it vibrates as what it was and will be.
         let bent;
-        let seen = if given.is_none() {
+        let seen = if known.is_none() {
             bent = regions.bent(sheet, lie, bending);
             let seen = Seen { regions: &bent, ..seen };
             spreading.part(seen);
@@ -254,6 +273,16 @@ impl Page {
         }
         Ok(events)
     }
+}
+
+fn torn_apart(torn: &tearing::Torn, sheet: String, time_s: f64, step_s: f64) -> Event {
+    Event::Tear(Tear {
+        time_s,
+        sheet,
+        position_m: torn.position.to_array(),
+        length_m: torn.length_m,
+        cause: Cause::Motion(Moved { from_s: time_s - step_s, to_s: time_s }),
+    })
 }
 
 fn crumpled(
@@ -299,7 +328,7 @@ impl Analyser {
         &self.participants
     }
 
-    /// Says what is known of a sheet in the frame that is fed next.
+    /// Says what is known of a sheet in the frame that is fed next: its regions, what is held, what tears.
     ///
     /// # Errors
     /// An object that is no sheet.
@@ -348,7 +377,11 @@ impl Analyser {
         let mut events = Vec::new();
         for &Restart { object, .. } in &restarts {
             if let Some(change) = changes.get(object as usize).and_then(Option::as_ref) {
-                events.extend(self.tears(time_s, step_s, object, change, &meshes[object as usize]));
+                let is_told =
+                    self.given[object as usize].as_ref().is_some_and(|given| !given.torn.is_empty());
+                if !is_told {
+                    events.extend(self.tears(time_s, step_s, object, change, &meshes[object as usize]));
+                }
             }
         }
         self.meshes.follow(time_s, meshes, changes)?;
@@ -438,16 +471,7 @@ impl Analyser {
         };
         let sheet = Sheet::new(change.object.surface());
         let found = tearing::torn(old, Known::of(&sheet, change.object.surface(), mesh));
-        let tear = |torn: tearing::Torn| {
-            Event::Tear(Tear {
-                time_s,
-                sheet: self.meshes.name(object),
-                position_m: torn.position.to_array(),
-                length_m: torn.length_m,
-                cause: Cause::Motion(Moved { from_s: time_s - step_s, to_s: time_s }),
-            })
-        };
-        found.into_iter().map(tear).collect()
+        found.iter().map(|torn| torn_apart(torn, self.meshes.name(object), time_s, step_s)).collect()
     }
 }
 

@@ -185,6 +185,11 @@ impl Lie {
         sheet.triangles[face].map(|v| self.points[v as usize]).into_iter().sum::<DVec3>() / 3.0
     }
 
+    /// The integral over some vertices of what each has.
+    pub fn integral(&self, vertices: &[u32], of: &[f64]) -> f64 {
+        vertices.iter().map(|&v| self.vertex_areas[v as usize] * of[v as usize]).sum()
+    }
+
     /// A length that goes with the size of the sheet: the root of its area, in metres.
     pub fn size_m(&self) -> f64 {
         self.area_m2.sqrt()

@@ -2,7 +2,8 @@
 //!
 //! Simulators tear by vertices that become two. Faces stay as many and in their order then, and so every vertex of the
 //! new mesh is known in the old one by the corners of its faces; this also holds for welded seams that open. Where a
-//! mesh is made anew, its borders are looked at instead: what is far from every old border was torn.
+//! mesh is made anew, its borders are looked at instead: what is far from every old border was torn. Simulators that know
+//! may say which edges tear.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -51,6 +52,16 @@ pub(super) fn torn(old: Known<'_>, new: Known<'_>) -> Vec<Torn> {
     }
 }
 
+/// What is torn along edges of a mesh that are told.
+pub(super) fn told(edges: &[[u32; 2]], surface: &Triangulation, positions: &[[f32; 3]]) -> Vec<Torn> {
+    let welded = |vertex: u32| surface.welded(vertex).unwrap_or(vertex);
+    let key = |[a, b]: [u32; 2]| [welded(a).min(welded(b)), welded(a).max(welded(b))];
+    let mut edges: Vec<[u32; 2]> = edges.iter().copied().map(key).collect();
+    edges.sort_unstable();
+    edges.dedup();
+    along(&edges, |vertex| DVec3::from(positions[vertex as usize].map(f64::from)))
+}
+
 /// The old vertex of every new one, where faces are the same.
 fn correspondence(old: Known<'_>, new: Known<'_>) -> Option<HashMap<u32, u32>> {
     if old.face_sizes != new.face_sizes {
@@ -79,6 +90,11 @@ fn by_corners(old: Known<'_>, new: Known<'_>, old_of: &HashMap<u32, u32>) -> Vec
     let mut edges: Vec<[u32; 2]> = ends.filter(|ends| inner.contains(ends)).collect();
     edges.sort_unstable();
     edges.dedup();
+    along(&edges, |vertex| old.place(vertex))
+}
+
+/// The tears along some edges: what hangs together is one.
+fn along(edges: &[[u32; 2]], place: impl Fn(u32) -> DVec3) -> Vec<Torn> {
     let mut at: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
     for (index, ends) in edges.iter().enumerate() {
         ends.iter().for_each(|&v| at.entry(v).or_default().push(index));
@@ -91,7 +107,7 @@ fn by_corners(old: Known<'_>, new: Known<'_>, old_of: &HashMap<u32, u32>) -> Vec
         }
         let (mut stack, mut middle, mut length) = (vec![seed], DVec3::ZERO, 0.0);
         while let Some(index) = stack.pop() {
-            let [a, b] = edges[index].map(|v| old.place(v));
+            let [a, b] = edges[index].map(&place);
             let own = a.distance(b);
             middle += own * 0.5 * (a + b);
             length += own;

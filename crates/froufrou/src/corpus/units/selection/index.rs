@@ -7,6 +7,7 @@
 
 use rayon::prelude::*;
 
+use super::paged::Paged;
 use super::search::Search;
 use super::tree::{Outlines, Tree};
 use crate::corpus::units::features::Features;
@@ -29,7 +30,7 @@ pub struct Index {
     pub(super) dimensions: usize,
     pub(super) look_ahead: usize,
     /// Features row by row; each stream is followed by its last row L times.
-    pub(super) rows: Vec<f32>,
+    pub(super) rows: Paged<f32>,
     /// The number of each stream's first unit, and of all units.
     starts: Vec<usize>,
     /// First row of a window and how many.
@@ -97,7 +98,7 @@ impl Index {
         };
         let are_alike = |a: u32, b: u32| window(a as usize) == window(b as usize);
         let tree = Tree::new(&outlines, |unit| row_of(unit) as u32, are_alike);
-        Ok(Self { dimensions, look_ahead, rows, starts, segments, tree, largest })
+        Ok(Self { dimensions, look_ahead, rows: Paged::new(rows), starts, segments, tree, largest })
     }
 
     /// How many units there are.

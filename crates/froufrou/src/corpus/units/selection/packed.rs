@@ -6,13 +6,15 @@
 
 use rayon::prelude::*;
 
+use super::paged::Paged;
+
 /// Vectors of so many numbers, of several kinds, for each node as many bytes.
 pub(super) struct Packed {
     dimensions: usize,
     kinds: usize,
     /// Bytes of one kind in a node: the lowest of each number and the step, then what is packed.
     room: usize,
-    bytes: Vec<u8>,
+    bytes: Paged<u8>,
 }
 
 /// What the bytes of a kind in a node mean.
@@ -52,7 +54,7 @@ impl Packed {
                 pack(node, kind, (lowest, step), bytes);
             },
         );
-        Self { dimensions, kinds, room, bytes: all }
+        Self { dimensions, kinds, room, bytes: Paged::new(all) }
     }
 
     /// The bytes of a kind in a node, and what they mean.
@@ -91,23 +93,42 @@ impl Frame<'_> {
     /// How far a vector is at least from vectors that are side by side, number by number.
     #[inline(always)]
     pub fn beside<const N: usize>(&self, bytes: &[u8], vector: &[f32]) -> [f32; N] {
+        let rounding = Self::rounding(vector.len());
+        let mut distances = self.squares(bytes, vector);
+        for distance in &mut distances {
+            let least = distance.sqrt() - rounding;
+            *distance = if least > 0.0 { least * self.step() } else { 0.0 };
+        }
+        distances
+    }
+
+    /// How far a vector is from vectors as they were rounded, in steps and squared.
+    #[inline(always)]
+    pub fn squares<const N: usize>(&self, bytes: &[u8], vector: &[f32]) -> [f32; N] {
         let (numbers, _) = bytes.as_chunks::<N>();
-        let (step, steps) = (self.step(), 1.0 / self.step());
-        // Each number was rounded by half a step at most.
-        let rounding = 0.5001 * (vector.len() as f32).sqrt();
-        let mut distances = [0.0f32; N];
+        let steps = 1.0 / self.step();
+        let mut squares = [0.0f32; N];
         for ((number, value), bytes) in vector.iter().enumerate().zip(numbers) {
             let wanted = self.wanted(number, *value, steps);
             for i in 0..N {
                 let difference = f32::from(bytes[i]) - wanted;
-                distances[i] += difference * difference;
+                squares[i] += difference * difference;
             }
         }
-        for distance in &mut distances {
-            let least = distance.sqrt() - rounding;
-            *distance = if least > 0.0 { least * step } else { 0.0 };
-        }
-        distances
+        squares
+    }
+
+    /// The largest of these squares of what may be within a distance, of vectors of so many numbers.
+    #[inline(always)]
+    pub fn square(&self, distance: f32, numbers: usize) -> f32 {
+        let most = distance / self.step() + Self::rounding(numbers);
+        most * most * 1.000_01
+    }
+
+    /// Each number was rounded by half a step at most.
+    #[inline(always)]
+    fn rounding(numbers: usize) -> f32 {
+        0.5001 * (numbers as f32).sqrt()
     }
 
     /// A number in steps from the lowest.

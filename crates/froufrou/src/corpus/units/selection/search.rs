@@ -197,14 +197,11 @@ impl<'a> Search<'a> {
     fn leaf(&mut self, query: &Query, d: usize, leaf: u32) {
         let tree = &self.index.tree;
         let (frame, means) = tree.means(leaf);
-        for (block, rows) in tree.leaf(leaf).chunks(LANES).enumerate() {
+        for (block, rows) in tree.blocks(leaf).enumerate() {
             let part = block * d * LANES..(block + 1) * d * LANES;
             if query.is_whole {
-                let mut least = frame.beside::<LANES>(&means[part.clone()], &self.mean[..d]);
-                for least in &mut least {
-                    *least *= query.terms;
-                }
-                if !any_within(&least, self.limit) {
+                let squares = frame.squares::<LANES>(&means[part.clone()], &self.mean[..d]);
+                if !any_within(&squares, frame.square(self.limit / query.terms, d)) {
                     continue;
                 }
             }

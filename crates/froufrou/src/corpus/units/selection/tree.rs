@@ -2,7 +2,8 @@
 //!
 //! Windows are halved again and again by the number of their means that spreads widest, until leaves have few enough.
 //! Three halvings make a level, so that a node has eight children; only the root may have fewer. A node knows the boxes of
-//! its children, of their windows' means and of their units' own features; a leaf knows the means and the outlines.
+//! its children, of their windows' means and of their units' own features; a leaf knows the means and the outlines, of
+//! blocks into which it is halved further.
 
 use std::ops::Range;
 
@@ -13,11 +14,15 @@ use super::packed::{Frame, Packed};
 /// How many children a node has.
 pub(super) const CHILDREN: usize = 8;
 
-/// How many units of a leaf lie side by side.
+/// How many units of a leaf lie side by side, in one of its blocks.
 pub(super) const LANES: usize = 16;
 
+/// How often a leaf is halved to make its blocks, and how many they are.
+const BLOCK_HALVINGS: u32 = 2;
+const BLOCKS: usize = 1 << BLOCK_HALVINGS;
+
 /// The most units of a leaf.
-const LEAF: usize = 64;
+const LEAF: usize = BLOCKS * LANES;
 
 /// How many of many units tell which number spreads widest.
 const SAMPLE: usize = 512;
@@ -49,14 +54,14 @@ pub(super) struct Tree {
     depth: u32,
     /// The first node of each level, when all are counted; the last level is that of the leaves.
     levels: Vec<usize>,
-    /// Units in the order of leaves; in a leaf they come as they are numbered.
+    /// Units in the order of leaves; in a block they come as they are numbered.
     order: Vec<u32>,
-    /// Where each leaf begins in that order, and where the last ends.
-    leaf_starts: Vec<u32>,
+    /// Where each block of the leaves begins in that order, and where the last ends.
+    block_starts: Vec<u32>,
     /// Boxes of each node's children: around means, and around each segment; the latter are asked for seldom.
     mean_boxes: Packed,
     segment_boxes: Packed,
-    /// Means and then segments of each leaf's units, [`LANES`] of them after another.
+    /// Means and then segments of each leaf's units, block by block.
     outlines: Packed,
     /// Whether all units of a node have the same window.
     alike: Vec<bool>,
@@ -74,13 +79,13 @@ impl Tree {
         let units = outlines.means.len() / d;
         let halvings = units.div_ceil(LEAF).next_power_of_two().trailing_zeros();
         let mut order: Vec<u32> = (0..units as u32).collect();
-        halve(&mut order, &outlines.means, d, halvings);
-        let mut leaf_starts = vec![0u32];
-        leaf_lengths(units, halvings, &mut leaf_starts);
+        halve(&mut order, &outlines.means, d, halvings + BLOCK_HALVINGS);
+        let mut block_starts = vec![0u32];
+        block_lengths(units, halvings + BLOCK_HALVINGS, &mut block_starts);
         let mut rest = order.as_mut_slice();
-        for pair in leaf_starts.windows(2) {
-            let (leaf, after) = rest.split_at_mut((pair[1] - pair[0]) as usize);
-            leaf.sort_unstable();
+        for pair in block_starts.windows(2) {
+            let (block, after) = rest.split_at_mut((pair[1] - pair[0]) as usize);
+            block.sort_unstable();
             rest = after;
         }
         let depth = halvings.div_ceil(CHILDREN.trailing_zeros());
@@ -90,7 +95,7 @@ impl Tree {
             depth,
             levels: vec![0],
             order,
-            leaf_starts,
+            block_starts,
             mean_boxes: nothing(),
             segment_boxes: nothing(),
             outlines: nothing(),
@@ -135,8 +140,14 @@ impl Tree {
     /// The units of a leaf.
     #[inline(always)]
     pub fn leaf(&self, leaf: u32) -> &[u32] {
-        let leaf = leaf as usize;
-        &self.order[self.leaf_starts[leaf] as usize..self.leaf_starts[leaf + 1] as usize]
+        &self.order[self.range(Node { level: self.depth, place: leaf })]
+    }
+
+    /// The blocks of a leaf's units; some may be empty where there are few.
+    #[inline(always)]
+    pub fn blocks(&self, leaf: u32) -> impl Iterator<Item = &[u32]> {
+        let starts = &self.block_starts[leaf as usize * BLOCKS..][..=BLOCKS];
+        starts.windows(2).map(|pair| &self.order[pair[0] as usize..pair[1] as usize])
     }
 
     /// The means of a leaf's windows.
@@ -179,7 +190,7 @@ impl Tree {
     #[inline(always)]
     fn range(&self, node: Node) -> Range<usize> {
         let (below, place) = (self.below(node.level), node.place as usize);
-        let start = |place: usize| self.leaf_starts[place << below] as usize;
+        let start = |place: usize| self.block_starts[(place << below) * BLOCKS] as usize;
         start(place)..start(place + 1)
     }
 
@@ -238,15 +249,13 @@ impl Tree {
             std::iter::once(&outlines.means).chain(&outlines.segments).map(|kind| &**kind).collect();
         let vector = |kind: usize, unit: u32| &kinds[kind][unit as usize * d..][..d];
         let leaves = self.nodes(self.depth);
-        let most = (0..leaves as u32).map(|leaf| self.leaf(leaf).len()).max().unwrap_or(0);
         let bounds = |leaf: usize, kind: usize, bounds: &mut [f32]| {
             let units = self.leaf(leaf as u32).iter();
             enclose(bounds, units.map(|unit| (vector(kind, *unit), vector(kind, *unit))));
         };
-        let bytes = most.div_ceil(LANES) * d * LANES;
+        let bytes = LEAF * d;
         Packed::new((leaves, kinds.len()), d, bytes, bounds, |leaf, kind, (lowest, step), bytes| {
-            let units = self.leaf(leaf as u32).chunks(LANES);
-            for (units, bytes) in units.zip(bytes.chunks_exact_mut(d * LANES)) {
+            for (units, bytes) in self.blocks(leaf as u32).zip(bytes.chunks_exact_mut(d * LANES)) {
                 for (lane, unit) in units.iter().enumerate() {
                     for (n, value) in vector(kind, *unit).iter().enumerate() {
                         bytes[n * LANES + lane] = ((value - lowest[n]) / step).round() as u8;
@@ -325,13 +334,13 @@ fn halve(order: &mut [u32], vectors: &[f32], dimensions: usize, levels: u32) {
     }
 }
 
-/// Where leaves end that halving makes.
-fn leaf_lengths(units: usize, levels: u32, ends: &mut Vec<u32>) {
+/// Where blocks end that halving makes.
+fn block_lengths(units: usize, levels: u32, ends: &mut Vec<u32>) {
     match levels {
         0 => ends.push(ends[ends.len() - 1] + units as u32),
         _ => {
-            leaf_lengths(units / 2, levels - 1, ends);
-            leaf_lengths(units - units / 2, levels - 1, ends);
+            block_lengths(units / 2, levels - 1, ends);
+            block_lengths(units - units / 2, levels - 1, ends);
         }
     }
 }

@@ -35,7 +35,7 @@ fn ways_are_the_shortest_and_surroundings_are_as_large_as_said() -> crate::Resul
         let expected = all_ways(&surface, &mesh.positions);
         let mut ways = Ways::new(&surface, &mesh.positions);
         for seed in (0..surface.vertex_count() as u32).step_by(37) {
-            let found = ways.within(seed, 0.45);
+            let found = ways.within(&[seed], 0.45);
             assert!(found.is_sorted_by(|a, b| a.1 <= b.1));
             let near = expected[seed as usize].iter().filter(|way| **way <= 0.45).count();
             assert_eq!(found.len(), near);

@@ -17,7 +17,7 @@ const LINE: &str = r#"{"time_s":0.5,"regions":[{"faces":[0,1],"kind":"flat"},{"f
 fn frames_are_read_line_by_line() {
     let found = read(&format!("{LINE}\n\n{}", LINE.replace("0.5", "0.75"))).expect("two frames");
     assert_eq!(found.iter().map(|p| p.time_s).collect::<Vec<_>>(), [0.5, 0.75]);
-    assert_eq!(found[0].regions[1].rulings, [[[0.0; 3], [0.0, 0.2, 0.0]]]);
+    assert_eq!(found[0].regions.as_ref().expect("regions")[1].rulings, [[[0.0; 3], [0.0, 0.2, 0.0]]]);
     assert_eq!((found[0].held.as_deref(), found[0].touching.as_deref()), (Some(&[3][..]), Some(&[][..])));
     let bare = read(r#"{"time_s":0,"regions":[]}"#).expect("a frame");
     assert_eq!((&bare[0].held, &bare[0].touching), (&None, &None));
@@ -94,12 +94,11 @@ fn partition(mesh: &Mesh) -> Partition {
     };
     Partition {
         time_s: 0.0,
-        regions: vec![
+        regions: Some(vec![
             Part { faces: curved, kind: Kind::Curved, rulings: (0..10).map(ruling).collect() },
             Part { faces: flat, kind: Kind::Flat, rulings: Vec::new() },
-        ],
-        held: None,
-        touching: None,
+        ]),
+        ..Partition::default()
     }
 }
 
@@ -136,7 +135,7 @@ fn regions_that_are_not_of_the_mesh_are_refused() {
     let mesh = shapes::sheet(1, 2, |u, v| [u, 0.0, v]);
     let refused = |regions: Vec<Part>, held: Option<Vec<u32>>| {
         let mut analyser = Analyser::new(vec![paper(PaperSettings::default()), other("floor")]);
-        let given = Partition { time_s: 0.0, regions, held, touching: None };
+        let given = Partition { regions: Some(regions), held, ..Partition::default() };
         assert!(analyser.give(1, given.clone()).is_err() && analyser.give(2, given.clone()).is_err());
         analyser.give(0, given).expect("a sheet");
         analyser.feed(0.0, &[mesh.clone(), mesh.clone()]).expect_err("refused").to_string()
@@ -154,4 +153,71 @@ fn regions_that_are_not_of_the_mesh_are_refused() {
     );
     let curved = Part { kind: Kind::Curved, ..flat((0..4).collect()) };
     assert!(refused(vec![curved], None).contains("region 0 is curved and has no rulings"));
+}
+
+#[test]
+fn tears_are_told_where_the_mesh_stays_whole() {
+    // Edges of three cells in a row along u, one of them twice, and one elsewhere.
+    let mesh = shapes::sheet(28, 20, |u, v| [u * LONG_M, 0.0, -v * SHORT_M]);
+    let at = |i: u32, j: u32| j * 29 + i;
+    let torn = vec![
+        [at(3, 5), at(4, 5)],
+        [at(5, 5), at(4, 5)],
+        [at(4, 5), at(5, 5)],
+        [at(5, 5), at(6, 5)],
+        [at(20, 10), at(20, 11)],
+    ];
+    let mut analyser = Analyser::new(vec![paper(PaperSettings::default())]);
+    let mut tears = Vec::new();
+    for frame in 0..4 {
+        let time_s = 0.1 * f64::from(frame);
+        if frame == 2 {
+            let told = Partition { time_s, torn: torn.clone(), ..Partition::default() };
+            analyser.give(0, told).expect("a sheet");
+        }
+        analyser.feed(time_s, std::slice::from_ref(&mesh)).expect("a sound frame");
+        tears.extend(events(&mut analyser).into_iter().filter_map(|event| event.tear().cloned()));
+    }
+    assert!(analyser.regions(0).is_some_and(|regions| regions.regions.len() == 1), "they are found still");
+    let [long, short] = &tears[..] else { panic!("two: {tears:?}") };
+    assert!(tears.iter().all(|tear| tear.time_s == 0.2), "{tears:?}");
+    assert!((long.length_m - 3.0 * LONG_M / 28.0).abs() < 1e-6, "{long:?}");
+    assert!((short.length_m - SHORT_M / 20.0).abs() < 1e-6, "{short:?}");
+    let middle = DVec3::new(4.5 * LONG_M / 28.0, 0.0, -5.0 * SHORT_M / 20.0);
+    assert!(DVec3::from(long.position_m).distance(middle) < 1e-6, "{long:?}");
+    let faults = [([7, 7], "from vertex 7 to itself"), ([0, 609], "vertex 609 is named")];
+    for (time_s, (ends, expected)) in [1.0, 2.0].into_iter().zip(faults) {
+        let told = Partition { torn: vec![ends], ..Partition::default() };
+        analyser.give(0, told).expect("a sheet");
+        let refused = analyser.feed(time_s, std::slice::from_ref(&mesh)).expect_err("refused").to_string();
+        assert!(refused.contains(expected), "{refused}");
+    }
+}
+
+#[test]
+fn a_tear_that_is_told_and_seen_is_one() {
+    let whole = shapes::sheet(2, 2, |u, v| [u, 0.0, v]);
+    // The end of an edge becomes two: one of what is to the left of it, and one of what is to the right.
+    let mut torn = whole.clone();
+    torn.positions.push([0.6, 0.0, 0.0]);
+    let x = |vertex: &u32| whole.positions[*vertex as usize][0];
+    for corners in torn.face_vertices.chunks_mut(3).filter(|corners| corners.iter().map(x).sum::<f32>() > 1.5)
+    {
+        corners.iter_mut().filter(|vertex| **vertex == 1).for_each(|vertex| *vertex = 9);
+    }
+    let lengths = |told: Option<Partition>| {
+        let mut analyser = Analyser::new(vec![paper(PaperSettings::default())]);
+        analyser.feed(0.0, std::slice::from_ref(&whole)).expect("a sound frame");
+        if let Some(told) = told {
+            analyser.give(0, told).expect("a sheet");
+        }
+        analyser.feed(0.1, std::slice::from_ref(&torn)).expect("a sound frame");
+        let tears =
+            events(&mut analyser).into_iter().filter_map(|event| event.tear().map(|tear| tear.length_m));
+        tears.collect::<Vec<f64>>()
+    };
+    let seen = lengths(None);
+    assert!(seen.len() == 1 && (seen[0] - 0.5).abs() < 1e-6, "{seen:?}");
+    let told = lengths(Some(Partition { torn: vec![[1, 4]], ..Partition::default() }));
+    assert!(told.len() == 1 && (told[0] - 0.5).abs() < 1e-6, "{told:?}");
 }

@@ -186,14 +186,20 @@ fn ridge(radius_m: f64, angle: f64) -> impl Fn(f64, f64) -> [f64; 3] + Copy {
 
 #[test]
 fn a_ridge_within_what_is_curved_cuts_it() {
-    for (angle, part) in [(0.3, 1.0), (0.8, 0.5)] {
-        for mesh in folded(ridge(0.2, angle)) {
-            let mut analyser = seen(&mesh, PaperSettings::default());
-            let found = analyser.resonators_at(0, &near(&mesh, ridge(0.2, angle)(0.2, 0.5)));
-            let sum = |of: fn(&Resonator) -> f64| found.iter().map(of).sum::<f64>();
-            assert!(close(sum(|one| one.area_m2), part * LONG_M * SHORT_M, 0.02), "{angle} {found:?}");
-            assert!(close(sum(|one| one.border_m), part * 2.0 * LONG_M, 0.08), "{angle} {found:?}");
-            assert!(found.iter().all(|one| close(one.ruling_m, SHORT_M, 0.05)), "{angle} {found:?}");
+    for radius_m in [0.1, 0.2, 0.4] {
+        for (angle, part) in [(0.3, 1.0), (-0.3, 1.0), (0.8, 0.5), (-0.8, 0.5)] {
+            let place = ridge(radius_m, angle);
+            for mesh in folded(place) {
+                let mut analyser = seen(&mesh, PaperSettings::default());
+                let found = analyser.resonators_at(0, &near(&mesh, place(0.2, 0.5)));
+                let sum = |of: fn(&Resonator) -> f64| found.iter().map(of).sum::<f64>();
+                assert!(close(sum(|one| one.area_m2), part * LONG_M * SHORT_M, 0.02), "{angle} {found:?}");
+                assert!(
+                    close(sum(|one| one.border_m), part * 2.0 * LONG_M, 0.05),
+                    "{radius_m} {angle} {found:?}"
+                );
+                assert!(found.iter().all(|one| close(one.ruling_m, SHORT_M, 0.05)), "{angle} {found:?}");
+            }
         }
     }
 }

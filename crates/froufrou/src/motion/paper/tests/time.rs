@@ -68,6 +68,70 @@ fn a_bow_that_flips_is_one_flap_when_it_does() {
     }
 }
 
+/// The vertices of the first and the last so many columns.
+fn columns_held(columns: u32, rows: u32, first: u32, last: u32) -> Vec<u32> {
+    let side = columns + 1;
+    let is_held = |vertex: &u32| vertex % side < first || vertex % side >= side - last;
+    (0..side * (rows + 1)).filter(is_held).collect()
+}
+
+#[test]
+fn what_is_held_flips_when_its_middle_comes_through() {
+    // The ends are turned about 0.4 s; at 0.8 s the sheet begins to go over.
+    let wave = |t: f64| -0.006 - 0.006 * step(t, 0.4, 0.3);
+    let height = |t: f64| -0.02 * step(t, 0.9, 0.2);
+    let place = |t: f64| {
+        move |u: f64, v: f64| {
+            let [x, y, z] = bowed(height(t))(u, v);
+            [x, y + wave(t) * (3.0 * PI * u).sin(), z]
+        }
+    };
+    // In the middle it is as high as the one less the other; what is a little beside it counts as well.
+    let expected_s = 0.9 + 0.1 * 0.012 / 0.02;
+    let turned = |t: f64| SHORT_M * (PI * (height(t) + 3.0 * wave(t)) / LONG_M).atan();
+    let rate = |t: f64| -(turned(t) - turned(t - 1.0 / 15.0)) * 15.0;
+    let greatest = (0..50).map(|i| rate(expected_s - 0.01 * f64::from(i))).fold(0.0, f64::max);
+    let turn = DQuat::from_axis_angle(DVec3::new(1.0, -2.0, 0.5).normalize(), 2.1);
+    for rate_hz in [24.0, 60.0, 240.0] {
+        for (columns, rows) in [(15, 10), (28, 20)] {
+            for held in [vec![], columns_held(columns, rows, 1, 1), columns_held(columns, rows, 0, 0)] {
+                // Without a name what stays in its place is found to be held.
+                let settings = PaperSettings { held, ..PaperSettings::default() };
+                let found = run(vec![paper(settings)], rate_hz, 1.4, |t| {
+                    let mesh = irregular(columns, rows, place(t));
+                    vec![shapes::placed(&mesh, turn, 1.0, DVec3::new(0.3, 0.2, -0.5))]
+                });
+                let found = buckles(&found);
+                let [flap] = found[..] else { panic!("one at {rate_hz} Hz: {found:?}") };
+                assert!((flap.time_s - expected_s).abs() < 4e-3 + 0.1 / rate_hz, "{rate_hz} {flap:?}");
+                let part = flap.energy_mps / greatest;
+                assert!((0.7..1.2).contains(&part), "{rate_hz} Hz: {part} {flap:?}");
+                // As what is not held does that goes the same way.
+                let free = run(vec![paper(PaperSettings::default())], 60.0, 1.0, |t| {
+                    vec![shapes::sheet(28, 20, |u, v| bowed(-0.02 * step(t, 0.5, 0.03))(u, v))]
+                });
+                assert_eq!(flap.positive, buckles(&free)[0].positive);
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_held_at_one_end_flips_by_its_curvature() {
+    // It is curled up and then down, and slopes so that its end is never level with what holds it.
+    let curl = |t: f64| -0.12 * step(t, 0.6, 0.05);
+    for (columns, rows) in [(15, 10), (28, 20)] {
+        let held = columns_held(columns, rows, 2, 0);
+        let settings = PaperSettings { held, ..PaperSettings::default() };
+        let found = run(vec![paper(settings)], 60.0, 1.2, |t| {
+            vec![shapes::sheet(columns, rows, |u, v| [u * LONG_M, curl(t) * u * u + 0.14 * u, -v * SHORT_M])]
+        });
+        let found = buckles(&found);
+        let [flap] = found[..] else { panic!("one: {found:?}") };
+        assert!((flap.time_s - 0.6).abs() < 0.01, "{flap:?}");
+    }
+}
+
 #[test]
 fn what_drifts_over_or_trembles_makes_no_sound() {
     let slow = run(vec![paper(PaperSettings::default())], 60.0, 3.0, |t| {
