@@ -11,6 +11,8 @@ mod files;
 mod grains;
 mod info;
 mod mix;
+#[cfg(feature = "device")]
+mod play;
 mod plot;
 mod progress;
 mod reaper;
@@ -47,6 +49,10 @@ enum Command {
     Events(events::Events),
     Score(score::Score),
     Mix(mix::Mix),
+    #[cfg(feature = "device")]
+    Play(play::Play),
+    #[cfg(feature = "device")]
+    Devices(play::Devices),
     Info(info::Info),
     Plot(plot::Plot),
     Grains(grains::Grains),
@@ -65,6 +71,10 @@ fn main() -> ExitCode {
         Command::Events(command) => command.run(),
         Command::Score(command) => command.run(),
         Command::Mix(command) => command.run(),
+        #[cfg(feature = "device")]
+        Command::Play(command) => command.run(),
+        #[cfg(feature = "device")]
+        Command::Devices(command) => command.run(),
         Command::Info(command) => command.run(),
         Command::Plot(command) => command.run(),
         Command::Grains(command) => command.run(),

@@ -24,7 +24,7 @@ pub struct Render {
 }
 
 /// What every command takes that reads a scene.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub struct SceneFile {
     /// The scene
     #[arg(value_name = "SCENE.toml")]
@@ -43,7 +43,7 @@ impl SceneFile {
 }
 
 /// What every command takes that makes a scene sound.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub struct SceneOptions {
     #[command(flatten)]
     pub file: SceneFile,

@@ -86,11 +86,7 @@ where
             to = to.min(from);
         }
         if at < mixed_from {
-            // What comes before is read, for its threads may sound on, but not rendered. Where
-            // nothing is to be read there is nothing to be passed piece by piece.
-            let next = mixer.next_s().map_or(LAST_FRAME, |next_s| first_frame(next_s, rate_hz));
-            to = to.max(next).min(mixed_from);
-            mixer.skip_to(to)?
+            to = skip(mixer, rate_hz, to, mixed_from)?;
         } else {
             mixer.read_to(to.min(at + BLOCK_FRAMES as u64))?;
             // Enough for all cores to have something to do.
@@ -153,6 +149,31 @@ where
         mixer.release(to);
         at = to;
     }
+}
+
+/// Reads on to where something is to be rendered or, if nothing is to be read before, at least to a frame; gives where.
+/// What comes before is read, for its threads may sound on, but not rendered.
+fn skip<L>(mixer: &mut Mixer<L>, rate_hz: f64, to: u64, from: u64) -> Result<u64>
+where
+    L: Iterator<Item = Result<ChannelLine>>,
+{
+    // Where nothing is to be read there is nothing to be passed piece by piece.
+    let next = mixer.next_s().map_or(LAST_FRAME, |next_s| first_frame(next_s, rate_hz));
+    let to = to.max(next).min(from);
+    mixer.skip_to(to)?;
+    Ok(to)
+}
+
+/// Reads all that comes before a frame, in pieces.
+pub(super) fn skip_to<L>(mixer: &mut Mixer<L>, rate_hz: f64, frame: u64) -> Result<()>
+where
+    L: Iterator<Item = Result<ChannelLine>>,
+{
+    let mut at = 0;
+    while at < frame {
+        at = skip(mixer, rate_hz, at + (BLOCKS * BLOCK_FRAMES) as u64, frame)?;
+    }
+    Ok(())
 }
 
 fn blocks(voices: &Voices, frames: Range<u64>, with_stems: bool) -> Vec<Block> {

@@ -168,6 +168,7 @@ fn work(
         ahead_s: settings.ahead_s,
         slice_frames: settings.slice_frames,
         slack_s: settings.ahead_s + known_s,
+        from_s: 0.0,
         duration_s: None,
     };
     let (supply, player) = super::part(mixer, part)?;

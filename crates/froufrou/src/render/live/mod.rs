@@ -88,6 +88,7 @@
 //! # Ok::<(), froufrou::Error>(())
 //! ```
 
+pub mod deck;
 pub mod limiter;
 
 mod counters;
@@ -99,6 +100,7 @@ mod supply;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
 
 pub use counters::Statistics;
 pub use engine::{EngineSettings, start};
@@ -106,9 +108,11 @@ pub use handle::{BodyId, Handle, Left, MoverId, Refused};
 pub use player::Player;
 pub use supply::Supply;
 
+use super::offline;
 use crate::score::ChannelLine;
 use crate::synth::bus::Ringing;
 use crate::synth::mixer::{Cutter, Desk, Mixer};
+use crate::synth::voice::first_frame;
 use crate::{Error, Result};
 use counters::Counters;
 use limiter::Limiter;
@@ -123,13 +127,15 @@ pub struct Settings {
     pub slice_frames: usize,
     /// Where so much more than that is there to be played, some is left out.
     pub slack_s: f64,
+    /// Where it begins, in seconds: what sounds there of what was before is heard.
+    pub from_s: f64,
     /// Where all is over, in seconds; `None`: with the score.
     pub duration_s: Option<f64>,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { ahead_s: 0.02, slice_frames: 128, slack_s: 0.05, duration_s: None }
+        Self { ahead_s: 0.02, slice_frames: 128, slack_s: 0.05, from_s: 0.0, duration_s: None }
     }
 }
 
@@ -142,12 +148,12 @@ const LONGEST_SLICE: usize = 8192;
 /// Parts a mixer into what a worker does with it and what an audio thread plays.
 ///
 /// # Errors
-/// Settings that cannot be; a mixer without channels.
-pub fn part<L>(mixer: Mixer<L>, settings: Settings) -> Result<(Supply<L>, Player)>
+/// Settings that cannot be; a mixer without channels; lines before its beginning that cannot be read.
+pub fn part<L>(mut mixer: Mixer<L>, settings: Settings) -> Result<(Supply<L>, Player)>
 where
     L: Iterator<Item = Result<ChannelLine>>,
 {
-    let Settings { ahead_s, slice_frames, slack_s, duration_s } = settings;
+    let Settings { ahead_s, slice_frames, slack_s, from_s, duration_s } = settings;
     for (name, value_s) in [("ahead_s", ahead_s), ("slack_s", slack_s)] {
         if !(0.0..=LONGEST_AHEAD_S).contains(&value_s) {
             return Err(Error::new(format!("`{name}` is {value_s}, expected 0 to {LONGEST_AHEAD_S}")));
@@ -157,8 +163,15 @@ where
         let what = format!("slices of {slice_frames} frames, expected 1 to {LONGEST_SLICE}");
         return Err(Error::new(what));
     }
+    if !(from_s >= 0.0 && from_s.is_finite()) {
+        return Err(Error::new(format!("it begins at {from_s} s, expected 0 or later")));
+    }
+    let (rate_hz, channels) = (mixer.voices().rate_hz(), mixer.voices().channels());
+    let from = first_frame(from_s, rate_hz);
+    // What rings on is played from further back, unheard.
+    let begin = mixer.voices().buses().map(|bus| bus.mixed_from(from)).fold(from, u64::min);
+    offline::skip_to(&mut mixer, rate_hz, begin)?;
     let voices = mixer.voices();
-    let (rate_hz, channels) = (voices.rate_hz(), voices.channels());
     if channels == 0 {
         return Err(Error::new("nobody hears anything: there are no channels"));
     }
@@ -172,23 +185,24 @@ where
     let (slices, coming) = rtrb::RingBuffer::new(most_under_way);
     let (back, used) = rtrb::RingBuffer::new(most_under_way);
     let counters = Arc::new(Counters::default());
+    counters.played.store(begin, Relaxed);
     let join = ((JOIN_S * rate_hz) as usize).clamp(1, ahead_frames as usize);
     let rise = |n: usize| 0.5 - 0.5 * (std::f64::consts::PI * (n as f64 + 0.5) / join as f64).cos();
     let running = voices.buses().map(|bus| Running {
-        ringing: Ringing::new(bus, 0).with_room(PIECE_FRAMES),
+        ringing: Ringing::new(bus, begin).with_room(PIECE_FRAMES),
         lead: bus.lead() as u64,
         lanes: bus.lanes(),
         input: vec![0.0; PIECE_FRAMES * bus.lanes()],
         held_input: vec![0.0; PIECE_FRAMES * bus.lanes()],
     });
-    let player = Player {
+    let mut player = Player {
         channels,
         rate_hz,
         desk: Desk::new(voices, PIECE_FRAMES),
         slices: coming,
         used: back,
         current: None,
-        frame: 0,
+        frame: begin,
         held: None,
         joined: None,
         has_begun: false,
@@ -204,8 +218,8 @@ where
         not_numbers: 0,
         counters: counters.clone(),
     };
-    let supply = Supply {
-        cutter: Cutter::new(voices),
+    let mut supply = Supply {
+        cutter: Cutter::new(voices, begin),
         mixer,
         slices,
         used,
@@ -218,5 +232,14 @@ where
         duration_s,
         counters,
     };
+    let mut unheard = [0.0; PIECE_FRAMES];
+    while player.frame < from && !player.is_over() {
+        supply.go_on()?;
+        let frames = ((from - player.frame) as usize).min((PIECE_FRAMES / channels).max(1));
+        match unheard.get_mut(..frames * channels) {
+            Some(unheard) => player.fill(unheard),
+            None => player.fill(&mut vec![0.0; frames * channels]),
+        }
+    }
     Ok((supply, player))
 }

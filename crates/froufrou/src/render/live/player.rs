@@ -200,6 +200,8 @@ impl Player {
             }
             self.joined = self.has_begun.then_some(0);
             self.begin();
+        } else if there == 0 && end != 0 && self.frame + 1 >= end {
+            self.counters.is_over.store(true, Relaxed);
         }
     }
 
@@ -229,9 +231,10 @@ impl Player {
     /// Buses whose responses begin before their time are fed ahead of the channels by as much.
     fn feed_ahead(&mut self, slice: &Slice) {
         for (number, bus) in self.buses.iter_mut().enumerate() {
-            while bus.ringing.frame() < bus.lead {
+            let until = slice.frames().start + bus.lead;
+            while bus.ringing.frame() < until {
                 let from = bus.ringing.frame();
-                let count = ((bus.lead - from) as usize).min(PIECE_FRAMES);
+                let count = ((until - from) as usize).min(PIECE_FRAMES);
                 let input = &mut bus.input[..count * bus.lanes];
                 input.fill(0.0);
                 let frames = from..from + count as u64;

@@ -216,12 +216,12 @@ pub struct Cutter {
 }
 
 impl Cutter {
-    /// A cutter that begins with the first frame.
-    pub fn new(voices: &Voices) -> Self {
+    /// A cutter that begins with a frame.
+    pub fn new(voices: &Voices, frame: u64) -> Self {
         sinc::prepare(1.0);
         Self {
-            frame: 0,
-            lanes: vec![0; voices.buses.len()],
+            frame,
+            lanes: vec![frame; voices.buses.len()],
             prepared: 1.0,
             indices: HashMap::new(),
             spread: [Vec::new(), Vec::new()],
