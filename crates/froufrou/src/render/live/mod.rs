@@ -13,7 +13,7 @@
 //!
 //! **What is handed over.** Every output sample is a function of its frame number. So the worker cuts time into
 //! [`Slice`](crate::synth::mixer::Slice)s, each with all that is needed to render its frames, in the order of sums of
-//! [`offline`](super::offline); the audio thread renders them in blocks of any size, with the same bits as a file has. A voice
+//! [`offline`]; the audio thread renders them in blocks of any size, with the same bits as a file has. A voice
 //! that starts is in the next slice, and one that has ended is in none: nothing is inserted or removed while it plays.
 //! Slices go through a ring ([rtrb](https://docs.rs/rtrb), one writer, one reader, no lock), and used ones back through another. The
 //! worker fills them again or frees them; the audio thread frees nothing. There are no more of them than both rings
