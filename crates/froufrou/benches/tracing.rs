@@ -5,7 +5,7 @@ use std::sync::Arc;
 use divan::Bencher;
 use froufrou::Result;
 use froufrou::scene::animation::{Mesh, Topology, Transform};
-use froufrou::scene::world::Carrier;
+use froufrou::scene::carrier::Carrier;
 use froufrou::space::surroundings::{
     Body, End, Material, Paths, Settings, Shape, Sides, Surface, Surroundings,
 };

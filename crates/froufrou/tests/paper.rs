@@ -11,7 +11,8 @@ use froufrou::motion::moving_paper::{Body, MovingPaper, Told};
 use froufrou::motion::paper::PaperSettings;
 use froufrou::scene::Scene;
 use froufrou::scene::animation::{Mesh, Topology};
-use froufrou::scene::world::{Carrier, World};
+use froufrou::scene::carrier::Carrier;
+use froufrou::scene::world::World;
 
 /// What the file's objects are carried by, each with its name.
 fn carriers(path: &Path) -> Vec<(String, Carrier)> {

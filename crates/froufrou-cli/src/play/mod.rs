@@ -95,6 +95,8 @@ impl Play {
         let channels = session::channels(&production);
         let rate_hz = self.rate.unwrap_or(production.scene.rate_hz);
         let output = Output::find(self.device.clone(), channels, rate_hz, self.block)?;
+        // The device's, which may be another than was asked for.
+        let rate_hz = output.rate_hz();
         let (deck, changer) = deck::new(channels);
         let changer = Arc::new(Mutex::new(changer));
         let (orders, to_do) = channel();
@@ -102,7 +104,7 @@ impl Play {
         let position = Arc::new(Position::default());
         let session = Session {
             scene: self.scene.clone(),
-            rate_hz: output.rate_hz(),
+            rate_hz,
             from_s: self.from,
             is_looped: self.is_looped,
             changer: changer.clone(),

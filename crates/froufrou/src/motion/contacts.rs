@@ -7,9 +7,10 @@ use super::event::{Cause, Event, LogRows};
 use super::impact::{Settings, Step};
 use super::lives::{Found, Lives};
 use super::momentum::{Momentum, Survey};
+use crate::scene::carrier::Carrier;
 use crate::scene::contact_log::{ContactLog, ContactRow, step_of_times};
 use crate::scene::file::Contacts;
-use crate::scene::world::{Carrier, RigidBodies};
+use crate::scene::world::RigidBodies;
 use crate::{Error, Place, Result};
 
 /// How many rows at the beginning of a log tell its step.

@@ -4,8 +4,9 @@ use super::event::Event;
 use super::rigid::{Analyser, Body, Shape};
 use crate::scene::animation::{Mesh, Topology, Transform};
 use crate::scene::asset::NamePattern;
+use crate::scene::carrier::Carrier;
 use crate::scene::file::{Motion, Object, Scene, Size, Touching};
-use crate::scene::world::{Body as WorldBody, Carrier, World};
+use crate::scene::world::{Body as WorldBody, World};
 use crate::{Error, Place, Result};
 
 /// What is between two transforms of a body that stands still.

@@ -12,8 +12,9 @@ use super::moving_meshes::{Analyse, Force, MovingMeshes, WithMesh, with_meshes};
 use crate::Result;
 use crate::scene::Scene;
 use crate::scene::animation::Mesh;
+use crate::scene::carrier::Carrier;
 use crate::scene::file::Cloth;
-use crate::scene::world::{Carrier, World};
+use crate::scene::world::World;
 
 /// What is told of cloths.
 #[derive(Debug, Clone, PartialEq)]

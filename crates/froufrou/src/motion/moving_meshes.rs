@@ -6,8 +6,9 @@ use rayon::prelude::*;
 
 use crate::scene::Scene;
 use crate::scene::animation::{Mesh, Topology};
+use crate::scene::carrier::Carrier;
 use crate::scene::file::Material;
-use crate::scene::world::{Carrier, World};
+use crate::scene::world::World;
 use crate::{Error, Place, Result};
 
 /// What looks at meshes.

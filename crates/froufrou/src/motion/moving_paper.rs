@@ -11,8 +11,9 @@ use super::paper::ready_made::{Partition, Reader};
 use super::paper::{Analyser, PaperSettings, Participant};
 use crate::scene::Scene;
 use crate::scene::animation::Mesh;
+use crate::scene::carrier::Carrier;
 use crate::scene::file::Paper;
-use crate::scene::world::{Carrier, World};
+use crate::scene::world::World;
 use crate::{Error, Place, Result};
 
 /// Regions that are as early as this before a frame, in seconds, are those of it.

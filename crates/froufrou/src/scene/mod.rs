@@ -5,6 +5,7 @@ pub mod animation;
 pub mod asset;
 mod between;
 mod bracket;
+pub mod carrier;
 pub mod contact_log;
 pub mod conventions;
 mod converted;

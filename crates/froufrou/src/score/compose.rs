@@ -38,8 +38,9 @@ use crate::motion::moving_cloth::{self, buckle_energies};
 use crate::motion::moving_paper;
 use crate::motion::rub::Rubbing;
 use crate::random::Random;
+use crate::scene::carrier::Carrier;
 use crate::scene::file::{Acoustics, Emitter, Material, Played, Scene, SceneSound, StartKey, Timing};
-use crate::scene::world::{Carrier, RigidBodies, World};
+use crate::scene::world::{RigidBodies, World};
 use crate::{Error, Result};
 
 /// Where nothing moves, a line comes this often all the same, so that a score can be mixed as it is

@@ -8,8 +8,9 @@ use super::enclosure::{self, Enclosure};
 use super::spread::SoundingSurface;
 use super::surroundings::{self, Material, Settings, Shape, Sides, Surface, Surroundings};
 use crate::scene::animation::Topology;
+use crate::scene::carrier::Carrier;
 use crate::scene::file::{Emitter, Enclosing, MovingPlane, Object, Scene, Size};
-use crate::scene::world::{Body, Carrier, World};
+use crate::scene::world::{Body, World};
 use crate::score::Radiation;
 use crate::{Error, Result};
 

@@ -9,8 +9,9 @@ use crate::Result;
 use crate::motion::event::{Cause, Event, Impact, Rub};
 use crate::motion::rub::Rubbing;
 use crate::random::Random;
+use crate::scene::carrier::Carrier;
 use crate::scene::file::{ImpactSound, Material, Played, RubSound};
-use crate::scene::world::{Carrier, body_named};
+use crate::scene::world::body_named;
 use crate::score::{Action, Blow, Start};
 
 /// Two bodies that slide or roll and are not told to any more have stopped after so long.

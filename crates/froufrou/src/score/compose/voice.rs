@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 use super::super::{Action, Placement, Start, Whereabouts};
 use crate::Result;
 use crate::scene::animation::Transform;
+use crate::scene::carrier::Carrier;
 use crate::scene::wind::WindField;
-use crate::scene::world::Carrier;
 
 /// A thread that sounds.
 pub(super) struct Voice {

@@ -2,7 +2,7 @@
 
 use crate::Result;
 use crate::scene::animation::{Mesh, Topology, Transform};
-use crate::scene::world::Carrier;
+use crate::scene::carrier::Carrier;
 
 /// Something that moves and perhaps has a mesh. Times are those of the soundtrack, in seconds.
 pub trait Surface: Send + Sync {
