@@ -164,6 +164,7 @@ impl Session {
             ahead_s: AHEAD_S,
             slice_frames: SLICE_FRAMES,
             slack_s: 10.0,
+            catches_up: false,
             from_s: self.from_s,
             duration_s: header.duration_s,
         };

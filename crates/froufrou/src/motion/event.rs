@@ -3,12 +3,14 @@
 use std::fmt;
 use std::io::{BufRead, Write};
 use std::path::Path;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use super::json_lines::JsonLines;
 use super::rub::Rubbing;
 use crate::Result;
+use crate::scene::fed::Fed;
 
 /// The longest line of an event file that is read, in bytes.
 pub const LONGEST_LINE_BYTES: usize = 1 << 20;
@@ -34,6 +36,36 @@ pub enum Event {
     /// Nothing more happens before this time, in seconds: told where events are told as they happen, never in a file.
     #[serde(skip)]
     Quiet(f64),
+    /// An object appears, vanishes or becomes of something else: told as it happens, never in a file.
+    #[serde(skip)]
+    Change(Change),
+}
+
+/// What becomes of an object while others are told what happens.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Change {
+    /// When, in seconds.
+    pub time_s: f64,
+    /// The object, by its name.
+    pub name: String,
+    /// What becomes of it.
+    pub what: Becomes,
+}
+
+/// What an object becomes.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Becomes {
+    /// It is there from now on, and is as an object of the scene.
+    There {
+        /// The name of that.
+        kind: String,
+        /// Where it is.
+        fed: Arc<Fed>,
+    },
+    /// It is no more.
+    Gone,
+    /// It is of this material from now on.
+    Of(String),
 }
 
 /// A part of a sheet of paper that an event makes vibrate (Schreck et al. 2016, section 4): one flat or curved region,
@@ -332,6 +364,22 @@ impl Event {
         }
     }
 
+    /// The same at another time.
+    #[must_use]
+    pub fn at(mut self, time_s: f64) -> Self {
+        *match &mut self {
+            Event::Impact(impact) => &mut impact.time_s,
+            Event::Slide(rub) | Event::Roll(rub) => &mut rub.time_s,
+            Event::Buckle(buckle) => &mut buckle.time_s,
+            Event::Friction(friction) => &mut friction.time_s,
+            Event::Flap(flap) => &mut flap.time_s,
+            Event::Tear(tear) => &mut tear.time_s,
+            Event::Quiet(quiet_s) => quiet_s,
+            Event::Change(change) => &mut change.time_s,
+        } = time_s;
+        self
+    }
+
     /// When it happens, in seconds.
     pub fn time_s(&self) -> f64 {
         match self {
@@ -342,6 +390,7 @@ impl Event {
             Event::Flap(flap) => flap.time_s,
             Event::Tear(tear) => tear.time_s,
             Event::Quiet(time_s) => *time_s,
+            Event::Change(change) => change.time_s,
         }
     }
 }
@@ -384,7 +433,7 @@ pub fn write(to: &mut impl Write, event: &Event) -> std::io::Result<()> {
             let numbers = numbers.chain(resonators.iter().flat_map(Resonator::numbers));
             numbers.chain(*patch_m).chain(*position_m).chain(cause.numbers()).collect()
         }
-        Event::Quiet(_) => return Ok(()),
+        Event::Quiet(_) | Event::Change(_) => return Ok(()),
         Event::Tear(Tear { time_s, position_m, length_m, cause, .. }) => {
             [*time_s, *length_m].into_iter().chain(*position_m).chain(cause.numbers()).collect()
         }

@@ -72,7 +72,13 @@ pub struct Settings {
     pub rest_s: f64,
     /// A blow has more impulse than resting gives in this many seconds; one step at least.
     pub floor_rest_s: f64,
+    /// Whether a blow is told with the step that it begins in, by the impulse of that step. What follows is its aftermath,
+    /// unless it is [`PROMPT_RATIO`] times as strong. So works who cannot wait: most engines deliver a blow in one step.
+    pub prompt: bool,
 }
+
+/// So many times as strong as a blow that was told at once is another one soon after it.
+pub const PROMPT_RATIO: f64 = 3.0;
 
 impl Settings {
     /// The usual settings: windows of 5 to 20 ms, gaps of 20 ms, peaks of 3 resting forces averaged over 100 ms.
@@ -85,12 +91,21 @@ impl Settings {
             peak_ratio: 3.0,
             rest_s: 0.1,
             floor_rest_s: 0.005,
+            prompt: false,
         }
+    }
+
+    /// The same for who cannot wait.
+    pub fn prompt(step: Step) -> Self {
+        Self { prompt: true, ..Self::new(step) }
     }
 
     /// So long after it happened an impact is told at the latest, in seconds.
     pub fn behind_s(&self) -> f64 {
         let step_s = self.step.typical_s();
+        if self.prompt {
+            return step_s;
+        }
         self.longest_s.max(6.0 * step_s) + 2.0 * step_s
     }
 
@@ -398,6 +413,18 @@ impl Analyser {
         Ok(())
     }
 
+    /// Says that time has come this far, and that all rows up to then, and of then, were told: rows of that time may not
+    /// follow.
+    ///
+    /// # Errors
+    /// As [`Analyser::advance`].
+    pub fn complete(&mut self, time_s: f64) -> Result<()> {
+        self.advance(time_s)?;
+        self.step(time_s);
+        self.settle(time_s);
+        Ok(())
+    }
+
     /// Says that no more rows follow; all blows can then be taken.
     pub fn finish(&mut self) {
         if let Some(now_s) = self.now_s.take() {
@@ -565,12 +592,13 @@ impl Analyser {
         let Some(window) = pair.window.take() else { return };
         let parted = start_s - pair.last_end_s > 0.5 * settings.step.typical_s();
         // What has risen all the time is a growing load, on top of what it began with.
-        let least_n = if parted { 0.0 } else { window.least_n.unwrap_or(window.first_n) };
+        let least_n = if parted || settings.prompt { 0.0 } else { window.least_n.unwrap_or(window.first_n) };
         let rest_n = if window.onset { least_n } else { pair.rest_n };
         // Flickers on the way to a blow are resting too, so that their time counts.
         let impulse_ns = window.sum.impulse_ns - rest_n * window.span_s;
         let aftermath = pair.last_blow.is_some_and(|(end_s, last_ns)| {
-            window.start_s - end_s < settings.gap() && impulse_ns <= 1.5 * last_ns
+            let stronger = if settings.prompt { PROMPT_RATIO } else { 1.5 };
+            window.start_s - end_s < settings.gap() && impulse_ns <= stronger * last_ns
         });
         let floor_ns = settings.floor() * rest_n.max(pair.rest_n);
         // Sums of absurd numbers may overflow: what is not a finite impulse is none.
@@ -635,6 +663,9 @@ impl Window {
 
     /// Whether a step that begins at a time would still be part of it.
     fn takes(&self, start_s: f64, last_end_s: f64, settings: &Settings) -> bool {
+        if settings.prompt {
+            return false;
+        }
         let typical_s = settings.step.typical_s();
         let age_s = start_s - self.start_s + 1e-3 * typical_s;
         let unbroken = start_s - last_end_s < 0.5 * typical_s;

@@ -97,6 +97,25 @@ impl Blow {
     }
 }
 
+/// A contact of two bodies in a step of a simulation, with what is known besides.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Touch {
+    /// The contact.
+    pub row: ContactRow,
+    /// How its bodies move, in the order of the row, as far as that is known: who is not known stands still if the other one
+    /// is.
+    pub states: [Option<BodyState>; 2],
+    /// When in its step it acts, in seconds, where that is known.
+    pub at_s: Option<f64>,
+}
+
+impl From<ContactRow> for Touch {
+    /// Nothing else is known.
+    fn from(row: ContactRow) -> Self {
+        Self { row, states: [None; 2], at_s: None }
+    }
+}
+
 /// Rows of contacts in, what they tell of out.
 #[derive(Debug)]
 pub struct Lives {
@@ -164,6 +183,33 @@ impl Lives {
     pub fn advance(&mut self, time_s: f64) -> Result<()> {
         self.rubs.advance(time_s);
         self.impacts.advance(time_s)
+    }
+
+    /// Says that time has come this far, and that all rows up to then, and of then, were told.
+    ///
+    /// # Errors
+    /// As [`Lives::advance`].
+    pub fn complete(&mut self, time_s: f64) -> Result<()> {
+        self.rubs.complete(time_s);
+        self.impacts.complete(time_s)
+    }
+
+    /// The next impact that was found, for who does not need to know what rubs before it: instead of [`Lives::pop`].
+    pub fn next_blow(&mut self) -> Option<Blow> {
+        self.impacts.next_blow()
+    }
+
+    /// The next moment that was found in which something slides or rolls, likewise.
+    pub fn next_rubbed(&mut self) -> Option<Rubbed> {
+        self.rubs.pop()
+    }
+
+    /// By how long what slides and rolls is told later than it happens, at most, in seconds, where all rows of a time are
+    /// told [together](Lives::complete).
+    pub fn rubs_behind_s(&self) -> f64 {
+        let (impact::Step::Fixed(step_s) | impact::Step::Stamped(step_s)) = self.settings().step;
+        // The middle of a moment, the one behind it, and what of a step lies beyond its end.
+        1.5 * self.rubs.moment_s() + step_s
     }
 
     /// Says that nothing follows.

@@ -10,7 +10,7 @@ pub mod lives;
 mod momentum;
 pub mod moving;
 pub mod moving_cloth;
-mod moving_meshes;
+pub(crate) mod moving_meshes;
 pub mod moving_paper;
 pub mod paper;
 pub mod rigid;

@@ -45,6 +45,11 @@ impl MovingBodies {
                 if matching.is_empty() {
                     continue;
                 }
+                if member.carrier.as_ref().is_some_and(Carrier::is_fed) {
+                    // Where it will be nobody knows: who tells where it is tells its contacts too.
+                    matching.iter().for_each(|&index| met[index] = true);
+                    continue;
+                }
                 let is_named = matching.iter().any(|&index| names.contains(&touching.bodies[index].text()));
                 let in_scene = |fault: Error| fault.in_file(&scene.file);
                 match rigid(scene, object, member).map_err(in_scene)? {

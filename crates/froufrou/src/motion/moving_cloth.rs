@@ -8,7 +8,7 @@ use super::cloth::sliding::{Sliding, SlidingSettings};
 use super::cloth::tension::TensionSettings;
 use super::cloth::{Analyser, ClothSettings, Participant, Restart};
 use super::event::Event;
-use super::moving_meshes::{Analyse, Force, MovingMeshes, WithMesh, with_meshes};
+use super::moving_meshes::{Analyse, Force, MovingMeshes, WithMesh, are_told, with_meshes};
 use crate::Result;
 use crate::scene::Scene;
 use crate::scene::animation::Mesh;
@@ -90,6 +90,23 @@ impl MovingCloth {
     pub fn participants(&self) -> &[Participant] {
         self.0.analyser.analyser.participants()
     }
+
+    /// Takes a frame of all meshes as they are at a time, for who does not ask for what is told by their own frames.
+    ///
+    /// # Errors
+    /// A mesh that cannot be read, or is none.
+    pub(crate) fn frame(&mut self, time_s: f64) -> Result<()> {
+        self.0.frame(time_s)
+    }
+
+    /// What happened in those frames, as far as it is known.
+    pub(crate) fn event(&mut self) -> Option<Event> {
+        loop {
+            if let Told::Event(event) = self.0.analyser.told()? {
+                return Some(event);
+            }
+        }
+    }
 }
 
 impl Analyse for Cloths {
@@ -139,6 +156,26 @@ fn settings(cloth: &Cloth) -> ClothSettings {
     }
 }
 
+/// The same where it is told as it moves, and nobody can wait for long.
+fn prompt_settings(cloth: &Cloth) -> ClothSettings {
+    let all = settings(cloth);
+    let sliding = SlidingSettings { look_ahead_s: 0.0, ..all.sliding };
+    ClothSettings { buckles: all.buckles.prompt(), sliding, ..all }
+}
+
+/// By how long what cloths do is told later than it happens where they are told as they move, in seconds, and a frame.
+pub(crate) fn prompt_behind_s() -> f64 {
+    BuckleSettings::default().prompt().behind_s()
+}
+
+/// The cloths among what is told as it moves, if there are any.
+///
+/// # Errors
+/// As [`MovingCloth::new`].
+pub(crate) fn told(scene: &Scene, bodies: Vec<WithMesh<'_>>) -> Result<Option<MovingCloth>> {
+    cloths_among(scene, bodies, true, prompt_settings)
+}
+
 /// The cloths of a scene, by their materials; what else has a mesh takes part where `others` is true.
 fn cloths_of(
     scene: &Scene,
@@ -146,10 +183,21 @@ fn cloths_of(
     others: bool,
     settings: impl Fn(&Cloth) -> ClothSettings,
 ) -> Result<Option<MovingCloth>> {
+    let bodies = with_meshes(scene, world, "cloth", |material| material.cloth.is_some())?;
+    if are_told(&bodies) {
+        return Ok(None);
+    }
+    cloths_among(scene, bodies, others, settings)
+}
+
+fn cloths_among(
+    scene: &Scene,
+    with_meshes: Vec<WithMesh<'_>>,
+    others: bool,
+    settings: impl Fn(&Cloth) -> ClothSettings,
+) -> Result<Option<MovingCloth>> {
     let (mut bodies, mut forces) = (Vec::new(), Vec::new());
-    for WithMesh { name, carrier, material } in
-        with_meshes(scene, world, "cloth", |material| material.cloth.is_some())?
-    {
+    for WithMesh { name, carrier, material } in with_meshes {
         let cloth = material.and_then(|material| material.cloth.as_ref());
         if others || cloth.is_some() {
             let force = cloth.and_then(|cloth| cloth.force.as_ref()).filter(|_| others);
@@ -166,7 +214,7 @@ fn cloths_of(
 }
 
 /// What the cloths of a scene do, in order of time: the objects whose materials have a `cloth`, along all that have a
-/// mesh. Swarms are left out.
+/// mesh. Swarms are left out. Where meshes are told as they move there are none: see [`told`].
 ///
 /// # Errors
 /// An object of cloth without a mesh; what cannot be read, later on.

@@ -77,6 +77,17 @@ impl<A: Analyse> MovingMeshes<A> {
         })
     }
 
+    /// Feeds a frame of all meshes as they are at a time, which is after that of the one before.
+    ///
+    /// # Errors
+    /// A mesh that cannot be read, or that the analyser refuses.
+    pub fn frame(&mut self, time_s: f64) -> Result<()> {
+        let read = |(carrier, mesh): (&Carrier, &mut Mesh)| carrier.mesh(time_s, mesh);
+        let read: Vec<Result<()>> = self.carriers.par_iter().zip(&mut self.meshes).map(read).collect();
+        read.into_iter().collect::<Result<()>>()?;
+        self.analyser.feed(time_s, &self.meshes)
+    }
+
     /// Feeds the next frame.
     fn step(&mut self) -> Result<()> {
         let Some(time_s) = self.next_s else {
@@ -84,10 +95,7 @@ impl<A: Analyse> MovingMeshes<A> {
             self.analyser.finish();
             return Ok(());
         };
-        let read = |(carrier, mesh): (&Carrier, &mut Mesh)| carrier.mesh(time_s, mesh);
-        let read: Vec<Result<()>> = self.carriers.par_iter().zip(&mut self.meshes).map(read).collect();
-        read.into_iter().collect::<Result<()>>()?;
-        self.analyser.feed(time_s, &self.meshes)?;
+        self.frame(time_s)?;
         self.next_s = self.carriers[self.leading].next_key_s(time_s);
         Ok(())
     }
@@ -130,17 +138,22 @@ impl Force {
 }
 
 /// Something in a scene that has a mesh.
-pub(super) struct WithMesh<'a> {
+pub(crate) struct WithMesh<'a> {
     pub name: &'a str,
     pub carrier: Carrier,
     pub material: Option<&'a Material>,
+}
+
+/// Whether any of the meshes is told as it moves: then all are looked at in the frames that are told.
+pub(super) fn are_told(bodies: &[WithMesh<'_>]) -> bool {
+    bodies.iter().any(|body| body.carrier.is_fed())
 }
 
 /// All that has a mesh in a scene; swarms are left out.
 ///
 /// # Errors
 /// An object whose material is `of` a kind that needs a mesh, and has none; `what` that is.
-pub(super) fn with_meshes<'a>(
+pub(crate) fn with_meshes<'a>(
     scene: &'a Scene,
     world: &'a World,
     what: &str,

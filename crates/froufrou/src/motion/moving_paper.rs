@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::cloth::Restart;
 use super::event::Event;
-use super::moving_meshes::{Analyse, Force, MovingMeshes, WithMesh, with_meshes};
+use super::moving_meshes::{Analyse, Force, MovingMeshes, WithMesh, are_told, with_meshes};
 use super::paper::ready_made::{Partition, Reader};
 use super::paper::{Analyser, PaperSettings, Participant};
 use crate::scene::Scene;
@@ -153,6 +153,23 @@ impl MovingPaper {
     pub fn participants(&self) -> &[Participant] {
         self.0.analyser.analyser.participants()
     }
+
+    /// Takes a frame of all meshes as they are at a time, for who does not ask for what is told by their own frames.
+    ///
+    /// # Errors
+    /// A mesh that cannot be read, or is none.
+    pub(crate) fn frame(&mut self, time_s: f64) -> Result<()> {
+        self.0.frame(time_s)
+    }
+
+    /// What happened in those frames, as far as it is known.
+    pub(crate) fn event(&mut self) -> Option<Event> {
+        loop {
+            if let Told::Event(event) = self.0.analyser.told()? {
+                return Some(*event);
+            }
+        }
+    }
 }
 
 impl Analyse for Sheets {
@@ -205,25 +222,32 @@ fn settings(paper: &Paper) -> PaperSettings {
 }
 
 /// What the sheets of paper of a scene do, in order of time: the objects whose materials have a `paper`, along all that
-/// have a mesh. Swarms are left out.
+/// have a mesh. Swarms are left out. Where meshes are told as they move there are none: see [`told`].
 ///
 /// # Errors
 /// An object of paper without a mesh, regions that cannot be read; what cannot be read, later on.
 pub fn events(scene: &Scene, world: &World) -> Result<impl Iterator<Item = Result<Event>> + Send + use<>> {
+    let bodies = with_meshes(scene, world, "paper", |material| material.paper.is_some())?;
+    let sheets = if are_told(&bodies) { None } else { told(scene, bodies)? };
+    Ok(sheets.into_iter().flatten().filter_map(|told| match told {
+        Ok(Told::Event(event)) => Some(Ok(*event)),
+        Ok(Told::Restart(_)) => None,
+        Err(fault) => Some(Err(fault)),
+    }))
+}
+
+/// The sheets of paper among what has a mesh, if there are any.
+///
+/// # Errors
+/// As [`MovingPaper::new`].
+pub(crate) fn told(scene: &Scene, with_meshes: Vec<WithMesh<'_>>) -> Result<Option<MovingPaper>> {
     let mut bodies = Vec::new();
-    for WithMesh { name, carrier, material } in
-        with_meshes(scene, world, "paper", |material| material.paper.is_some())?
-    {
+    for WithMesh { name, carrier, material } in with_meshes {
         let paper = material.and_then(|material| material.paper.as_ref());
         let regions = paper.and_then(|paper| Some(paper.regions.as_ref()?.path.clone()));
         let force = paper.and_then(|paper| paper.force.clone());
         bodies.push(Body { name: name.to_owned(), paper: paper.map(settings), regions, force, carrier });
     }
     let any = bodies.iter().any(|body| body.paper.is_some());
-    let moving = if any { Some(MovingPaper::new(bodies, &scene.file)?) } else { None };
-    Ok(moving.into_iter().flatten().filter_map(|told| match told {
-        Ok(Told::Event(event)) => Some(Ok(*event)),
-        Ok(Told::Restart(_)) => None,
-        Err(fault) => Some(Err(fault)),
-    }))
+    if any { MovingPaper::new(bodies, &scene.file).map(Some) } else { Ok(None) }
 }

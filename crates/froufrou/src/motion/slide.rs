@@ -272,6 +272,22 @@ impl Analyser {
         }
     }
 
+    /// Says that time has come this far, and that all rows up to then, and of then, were told: a moment that ends there is
+    /// over.
+    pub fn complete(&mut self, time_s: f64) {
+        self.advance(time_s);
+        self.take_step();
+        let next = ((time_s / self.moment_s) + 1e-6).floor() as i64;
+        if self.time_s == Some(time_s) && next > self.now {
+            self.turn_to(next, Some(time_s));
+        }
+    }
+
+    /// How long a moment is, in seconds.
+    pub fn moment_s(&self) -> f64 {
+        self.moment_s
+    }
+
     /// Says that no more rows follow.
     pub fn finish(&mut self) {
         self.take_step();

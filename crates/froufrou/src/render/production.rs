@@ -9,6 +9,7 @@
 //! of a moment; and a score written to a file and mixed later passes through the very same stages.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use crate::motion::event::Event;
 use crate::scene::Scene;
@@ -25,6 +26,7 @@ use crate::score::{
 use crate::space::propagation::{Propagation, channel_header};
 use crate::space::tracing::Tracing;
 use crate::synth::mixer::Sounding;
+use crate::synth::path::Foresight;
 use crate::synth::prototypes::{self, Soundings};
 use crate::{Error, Result};
 
@@ -34,9 +36,9 @@ pub type ChannelLines<'a> = Box<dyn Iterator<Item = Result<ChannelLine>> + Send 
 /// A scene with everything it needs opened.
 pub struct Production {
     /// The scene.
-    pub scene: Scene,
+    pub scene: Arc<Scene>,
     /// Where everything is.
-    pub world: World,
+    pub world: Arc<World>,
     /// The header of its score.
     pub header: ObjectHeader,
     /// What it plays.
@@ -65,7 +67,7 @@ impl Production {
         let header = compose::header(&scene, &world)?;
         let prototypes = prototypes::load(&header.sounds, &scene.folder)?;
         let end_s = end_s(&scene, &world)?;
-        Ok(Self { scene, world, header, prototypes, end_s })
+        Ok(Self { scene: Arc::new(scene), world: Arc::new(world), header, prototypes, end_s })
     }
 
     /// What happens in it by itself: the contacts of its logs.
@@ -102,8 +104,8 @@ impl Production {
 
     /// The lines of its score in channel space where more happens than the scene knows by itself: `told`, in order of time. A
     /// line comes as soon as [`Event::Quiet`] or an event says that it can be known; keys are `key_step_s` apart, so that
-    /// there is always a next one. With them comes by how many seconds lines are behind those times, at most, beside
-    /// four keys. The score has no end of its own; [`PULSE`] is among its sounds.
+    /// there is always a next one, and nothing is foreseen ([`Foresight::None`]): a mixer should not either. The score has no
+    /// end of its own; [`PULSE`] is among its sounds.
     ///
     /// # Errors
     /// As [`Production::object_lines`].
@@ -111,14 +113,13 @@ impl Production {
         &self,
         told: impl Iterator<Item = Result<Event>> + Send + 'static,
         key_step_s: f64,
-    ) -> Result<(ChannelLines<'_>, f64)> {
+    ) -> Result<ChannelLines<'_>> {
         let tracing = Tracing::of(&self.scene, &self.world)?;
         let events = self.events()?.and(told);
         let (scene, world, header) = (&self.scene, &self.world, &self.header);
         let composer = Composer::new(scene, world, header, facts(&self.prototypes), LATEST_S, events)?;
-        let composer = composer.pulsing(key_step_s);
-        let behind_s = composer.foresight_s();
-        Ok((Box::new(Propagation::new(&self.header, composer)?.among(tracing)), behind_s))
+        let propagation = Propagation::new(&self.header, composer.pulsing(key_step_s))?;
+        Ok(Box::new(propagation.among(tracing).with_foresight(Foresight::None)))
     }
 
     /// The header of its score in channel space.

@@ -73,6 +73,21 @@ impl Carrier {
         Self { way, point: Point::Offset([0.0; 3]), origin_s: 0.0, frame_rate_hz: 1.0 }
     }
 
+    /// Something that is told where it is, with a key every `step_s` seconds.
+    pub fn fed(fed: Arc<Fed>, step_s: f64) -> Self {
+        Self {
+            way: Way::Fed(fed),
+            point: Point::Offset([0.0; 3]),
+            origin_s: 0.0,
+            frame_rate_hz: 1.0 / step_s,
+        }
+    }
+
+    /// The same carrier, with another point of it that sounds come from.
+    pub fn from_point(self, point: Point) -> Self {
+        Self { point, ..self }
+    }
+
     /// The same carrier, with another point of it: a world position that is fixed to it from a
     /// moment on, such as where it was hit.
     ///
@@ -85,6 +100,24 @@ impl Carrier {
             None => Point::Offset([0.0; 3]),
         };
         Ok(Self { point: local, ..self.clone() })
+    }
+
+    /// What goes evenly from where this one is at a time to where another one is at a later time, and stands there, with
+    /// a key every `step_s` seconds. What cannot be asked where it is stands there at once.
+    pub fn passing_to(&self, other: &Self, [from_s, to_s]: [f64; 2], step_s: f64) -> Self {
+        let key = |carrier: &Self, time_s: f64| {
+            let frame = carrier.frame(time_s).ok()?;
+            let position_m = carrier.position_m(time_s).ok()?;
+            let facing = glam::DVec3::new(-frame[0][2], -frame[1][2], -frame[2][2]).try_normalize()?;
+            Some(super::track::TrackKey { time_s, position_m, facing: facing.to_array() })
+        };
+        match (key(self, from_s), key(other, to_s)) {
+            (Some(from), Some(to)) if to_s > from_s => {
+                let track = Track { keys: vec![from, to], interpolation: Interpolation::Linear };
+                track_carrier(&track, Point::Offset([0.0; 3]), 1.0 / step_s)
+            }
+            _ => other.clone(),
+        }
     }
 
     /// The local-to-world transform at a time of the soundtrack.
@@ -167,6 +200,11 @@ impl Carrier {
     /// # Errors
     /// As [`Carrier::position_m`].
     pub fn velocity_mps(&self, time_s: f64) -> Result<[f64; 3]> {
+        if self.is_fed() {
+            // Nobody knows where it will be.
+            let (before, here) = (self.position_m(time_s - VELOCITY_STEP_S)?, self.position_m(time_s)?);
+            return Ok(std::array::from_fn(|i| (here[i] - before[i]) / VELOCITY_STEP_S));
+        }
         let (before, here, after) = (
             self.position_m(time_s - VELOCITY_STEP_S)?,
             self.position_m(time_s)?,
@@ -182,6 +220,15 @@ impl Carrier {
             return Ok(slow);
         }
         Ok(std::array::from_fn(|i| 0.5 * (come[i] + go[i])))
+    }
+
+    /// Whether it is told where it is, as it moves.
+    pub fn is_fed(&self) -> bool {
+        match &self.way {
+            Way::Fed(_) => true,
+            Way::Member { middle, .. } => middle.is_fed(),
+            Way::Track(_) | Way::Animated { .. } => false,
+        }
     }
 
     /// Where its sounds come from at a time of the soundtrack, in metres.
@@ -204,6 +251,10 @@ impl Carrier {
                 })?;
                 position.map(f64::from)
             }
+            (Way::Fed(fed), Point::Vertex(vertex)) if fed.has_mesh() => match fed.vertex_m(vertex, time_s) {
+                Some(position_m) => position_m,
+                None => into_world(&self.frame(time_s)?, [0.0; 3]),
+            },
             (_, Point::Offset(offset)) => into_world(&self.frame(time_s)?, offset),
             (Way::Track(track), Point::Vertex(_)) => track.position_m(time_s + self.origin_s),
             (Way::Member { .. } | Way::Fed(_), Point::Vertex(_)) => {
@@ -220,6 +271,7 @@ impl Carrier {
     /// How its mesh changes; [`Topology::None`] where it has none.
     pub fn topology(&self) -> Topology {
         match &self.way {
+            Way::Fed(fed) if fed.has_mesh() => Topology::Heterogeneous,
             Way::Track(_) | Way::Fed(_) | Way::Member { .. } => Topology::None,
             Way::Animated { animation, object, .. } => {
                 animation.objects().get(*object).map_or(Topology::None, |o| o.topology)
@@ -233,6 +285,7 @@ impl Carrier {
     /// No mesh, or a sample that cannot be read.
     pub fn mesh(&self, time_s: f64, mesh: &mut Mesh) -> Result<()> {
         match &self.way {
+            Way::Fed(fed) if fed.mesh(time_s, mesh) => Ok(()),
             Way::Track(_) | Way::Fed(_) | Way::Member { .. } => Err(self.fault("has no mesh".to_owned())),
             Way::Animated { animation, object, .. } => animation.mesh(*object, time_s + self.origin_s, mesh),
         }
@@ -384,8 +437,13 @@ const VELOCITY_STEP_S: f64 = 0.005;
 /// How much faster than the frames around it a jump is.
 const JUMP_RATIO: f64 = 8.0;
 
-/// What carries something that is told to move, and stands until then as another carrier does at time 0.
-pub(super) fn fed_carrier(before: Option<&Carrier>, step_s: f64) -> Result<(Carrier, Arc<Fed>)> {
+/// What carries something that is told to move, and stands until then as another carrier does at time 0; its mesh too,
+/// where it is one that is told.
+pub(super) fn fed_carrier(
+    before: Option<&Carrier>,
+    step_s: f64,
+    has_mesh: bool,
+) -> Result<(Carrier, Arc<Fed>)> {
     let pose = match before {
         None => FedPose::at([0.0; 3]),
         Some(before) => {
@@ -393,10 +451,18 @@ pub(super) fn fed_carrier(before: Option<&Carrier>, step_s: f64) -> Result<(Carr
             FedPose { position_m: state.position_m, rotation: state.rotation }
         }
     };
-    let fed = Arc::new(Fed::new(pose));
+    let fed = match before.filter(|_| has_mesh) {
+        Some(before) => {
+            let mut rest = Mesh::default();
+            before.mesh(0.0, &mut rest)?;
+            Fed::with_mesh(pose, rest).map_err(|fault| before.fault(fault.to_string()))?
+        }
+        None if has_mesh => Fed::with_mesh(pose, Mesh::default())?,
+        None => Fed::new(pose),
+    };
+    let fed = Arc::new(fed);
     let point = before.map_or(Point::Offset([0.0; 3]), |before| before.point);
-    let way = Way::Fed(fed.clone());
-    Ok((Carrier { way, point, origin_s: 0.0, frame_rate_hz: 1.0 / step_s }, fed))
+    Ok((Carrier { point, ..Carrier::fed(fed.clone(), step_s) }, fed))
 }
 
 pub(super) fn track_carrier(track: &Track, point: Point, frame_rate_hz: f64) -> Carrier {

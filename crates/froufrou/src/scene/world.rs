@@ -265,12 +265,12 @@ impl World {
         Ok(Self { ears: ears.collect::<Result<_>>()?, objects, wind })
     }
 
-    /// Lets an object be told to move, with a key every `step_s` seconds. Until then it stands where it is at time 0; that
-    /// of which no place is known, at the origin.
+    /// Lets an object be told to move, with a key every `step_s` seconds, and its mesh too where that `has_mesh`. Until then
+    /// it stands where it is at time 0, with the mesh that it has then; that of which no place is known, at the origin.
     ///
     /// # Errors
-    /// An object that is not one body; a place that cannot be read.
-    pub fn feed_object(&mut self, index: usize, step_s: f64) -> Result<Arc<Fed>> {
+    /// An object that is not one body; a place or a mesh that cannot be read.
+    pub fn feed_object(&mut self, index: usize, step_s: f64, has_mesh: bool) -> Result<Arc<Fed>> {
         let bodies = self.objects.get_mut(index).map(Vec::as_mut_slice);
         let Some([body]) = bodies else {
             let count = bodies.map_or(0, |bodies| bodies.len());
@@ -278,7 +278,7 @@ impl World {
                 Error::new(format!("an object of {count} bodies is to be moved")).help("move one body")
             );
         };
-        let (carrier, fed) = fed_carrier(body.carrier.as_ref(), step_s)?;
+        let (carrier, fed) = fed_carrier(body.carrier.as_ref(), step_s, has_mesh)?;
         body.carrier = Some(carrier);
         Ok(fed)
     }
@@ -288,7 +288,7 @@ impl World {
     /// # Errors
     /// A place that cannot be read.
     pub fn feed_listener(&mut self, step_s: f64) -> Result<Arc<Fed>> {
-        let (carrier, fed) = fed_carrier(self.ears.first().map(|ear| &ear.carrier), step_s)?;
+        let (carrier, fed) = fed_carrier(self.ears.first().map(|ear| &ear.carrier), step_s, false)?;
         for ear in &mut self.ears {
             ear.carrier = Carrier { point: ear.carrier.point, ..carrier.clone() };
         }

@@ -10,6 +10,7 @@ mod going;
 mod grains;
 mod palette;
 mod paper;
+mod presence;
 mod voice;
 
 use std::cmp::Reverse;
@@ -22,6 +23,7 @@ use self::contacts::LEAST_QUIET;
 use self::going::Going;
 use self::grains::Flow;
 use self::paper::Papers;
+use self::presence::Presence;
 use self::voice::{Follows, Place, Telling, Voice, faded};
 use super::retarget::{self, Repertoire, Shader};
 use super::{
@@ -223,6 +225,9 @@ pub struct Composer<'a, E> {
     /// Where nothing moves, lines are no further apart, in seconds.
     beat_s: f64,
     pulses: bool,
+    /// What was told last to be known.
+    told_s: f64,
+    presence: Presence,
     ready: VecDeque<ObjectLine>,
     state: State,
 }
@@ -240,6 +245,9 @@ struct Planned {
     sound: usize,
     body: usize,
     key: Option<StartKey>,
+    /// What it is of, where that appeared, and when that was.
+    of: Option<String>,
+    origin_s: f64,
 }
 
 /// What recordings are picked for: a sound of the scene, or the impacts, slides or rolls of an object.
@@ -353,6 +361,8 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             foresight_s: 0.0,
             beat_s: HEARTBEAT_S,
             pulses: false,
+            told_s: 0.0,
+            presence: Presence::default(),
             ready: VecDeque::new(),
             state: State::New,
         };
@@ -379,16 +389,12 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         Ok(composer)
     }
 
-    /// The same with lines no more than `step_s` seconds apart, and always a next one: one of a thread that plays
-    /// [`PULSE`], where nothing else sounds. Such a score has no end.
+    /// The same for what is told as it happens. Lines are no more than `step_s` seconds apart, and there is always a next
+    /// one: one of a thread that plays [`PULSE`], where nothing else sounds; such a score has no end. Nothing is foreseen:
+    /// what would begin before its event begins with it, and what goes on goes from moment to moment evenly, a moment late.
     #[must_use]
     pub fn pulsing(self, step_s: f64) -> Self {
-        Self { beat_s: step_s.min(HEARTBEAT_S), pulses: true, ..self }
-    }
-
-    /// By how much events must be known before what they sound like, in seconds.
-    pub fn foresight_s(&self) -> f64 {
-        self.foresight_s
+        Self { beat_s: step_s.min(HEARTBEAT_S), foresight_s: 0.0, pulses: true, ..self }
     }
 
     /// The starts that are set by hand, in order of time.
@@ -416,34 +422,39 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                 Emitter::Position(_) | Emitter::Around(Some(_)) => 1,
             };
             for body in 0..bodies {
-                let start = |time_s, key| Planned { time_s, sound: index, body, key };
-                match &sound.timing {
-                    Timing::Starts(keys) => {
-                        starts.extend(keys.iter().map(|&key| start(key.time_s, Some(key))))
-                    }
-                    Timing::Strikes(strikes) => {
-                        if facts.is_some_and(|facts| facts.ring_s.is_none()) {
-                            return Err(fault(
-                                "an instrument is struck by `at`, and it does not ring".into(),
-                            )
-                            .help("give it `from` and `to` instead"));
-                        }
-                        starts.extend(strikes.first().map(|&(time_s, _)| start(time_s, None)));
-                    }
-                    Timing::Span { from_s, to_s } => {
-                        if sound.played.is_endless() && to_s.is_none() && self.end_s <= *from_s {
-                            return Err(fault(
-                                "a sound runs through the scene, and nothing says how long it is".into(),
-                            )
-                            .help("give the scene a `duration`, or the sound a `to`"));
-                        }
-                        starts.push(start(*from_s, None));
-                    }
-                }
+                starts.extend(self.starts_of(index, body, None)?);
             }
         }
         starts.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         Ok(starts.into())
+    }
+
+    /// The starts of one sound of a body, or of something that appeared at a time.
+    fn starts_of(&self, index: usize, body: usize, appeared: Option<(&str, f64)>) -> Result<Vec<Planned>> {
+        let fault = |what: &str| Error::new(what).in_file(&self.scene.file);
+        let sound = &self.scene.sounds[index];
+        let origin_s = appeared.map_or(0.0, |(_, time_s)| time_s);
+        let start = |time_s, key| {
+            let of = appeared.map(|(name, _)| name.to_owned());
+            Planned { time_s: origin_s + time_s, sound: index, body, key, of, origin_s }
+        };
+        Ok(match &sound.timing {
+            Timing::Starts(keys) => keys.iter().map(|&key| start(key.time_s, Some(key))).collect(),
+            Timing::Strikes(strikes) => {
+                if self.facts_of(&sound.played, 0).is_some_and(|facts| facts.ring_s.is_none()) {
+                    return Err(fault("an instrument is struck by `at`, and it does not ring")
+                        .help("give it `from` and `to` instead"));
+                }
+                strikes.first().map(|&(time_s, _)| start(time_s, None)).into_iter().collect()
+            }
+            Timing::Span { from_s, to_s } => {
+                if sound.played.is_endless() && to_s.is_none() && self.end_s <= *from_s {
+                    return Err(fault("a sound runs through the scene, and nothing says how long it is")
+                        .help("give the scene a `duration`, or the sound a `to`"));
+                }
+                vec![start(*from_s, None)]
+            }
+        })
     }
 
     fn step(&mut self) -> Result<Option<ObjectLine>> {
@@ -461,6 +472,9 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         loop {
             if let Some(line) = self.ready.pop_front() {
                 return Ok(Some(line));
+            }
+            if self.pulses && self.next_event.is_none() {
+                self.close();
             }
             let start_s = self.starts.front().map_or(f64::INFINITY, |start| start.time_s);
             let event_s = self.foreseen.front().map_or(f64::INFINITY, Event::time_s);
@@ -493,6 +507,8 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                             Some(paper) => self.crumple_paper(&buckle, paper)?,
                             None => self.crumple(&buckle)?,
                         },
+                        Event::Change(change) => self.change(&change)?,
+                        Event::Quiet(time_s) => self.told_s = time_s,
                         event => self.foreseen.push_back(event),
                     }
                 }
@@ -639,11 +655,20 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             Emitter::Position(position_m) => (Place::Carrier(Carrier::still(position_m)), String::new()),
             Emitter::Around(Some(microphone)) => (Place::Around(microphone), String::new()),
             Emitter::Around(None) => (Place::Around(planned.body), String::new()),
-            Emitter::Object(object) => {
-                let body = &self.world.objects[object][planned.body];
-                let Some(carrier) = &body.carrier else { return Ok(()) };
-                (Place::Carrier(carrier.clone()), body.name.clone())
-            }
+            Emitter::Object(object) => match &planned.of {
+                Some(name) => {
+                    let Some(carrier) = self.carrier_of(name) else { return Ok(()) };
+                    (Place::Carrier(carrier), name.clone())
+                }
+                None => {
+                    let body = &self.world.objects[object][planned.body];
+                    let Some(carrier) = body.carrier.as_ref().filter(|_| !self.presence.is_gone(&body.name))
+                    else {
+                        return Ok(());
+                    };
+                    (Place::Carrier(carrier.clone()), body.name.clone())
+                }
+            },
         };
         let group = Group::Sound(planned.sound, planned.body);
         let (name, variation) = self.pick(group, &sound.played, sound.speed_variation)?;
@@ -654,17 +679,21 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         let mut cues: VecDeque<Telling> = VecDeque::new();
         let end_s = match &sound.timing {
             Timing::Strikes(strikes) => {
-                let strike = |&(time_s, blow): &(f64, _)| Telling::from((time_s, Action::Strike(blow)));
+                let strike = |&(time_s, blow): &(f64, _)| {
+                    Telling::from((planned.origin_s + time_s, Action::Strike(blow)))
+                };
                 cues.extend(strikes.iter().map(strike));
-                let last_s = strikes.last().map_or(planned.time_s, |&(time_s, _)| time_s);
+                let last_s = strikes.last().map_or(planned.time_s, |&(time_s, _)| planned.origin_s + time_s);
                 last_s + facts.and_then(|facts| facts.ring_s).unwrap_or(0.0)
             }
-            Timing::Span { to_s: Some(to_s), .. } => natural_end_s.min(*to_s),
+            Timing::Span { to_s: Some(to_s), .. } => natural_end_s.min(planned.origin_s + *to_s),
             _ if !sound.played.is_endless() => natural_end_s,
             _ => self.end_s,
         };
-        let sets =
-            sound.set.iter().map(|key| (key.time_s.max(planned.time_s), Action::Set(key.values.clone())));
+        let sets = sound.set.iter().map(|key| {
+            let time_s = (planned.origin_s + key.time_s).max(planned.time_s);
+            (time_s, Action::Set(key.values.clone()))
+        });
         cues.extend(sets.map(Telling::from));
         cues.make_contiguous().sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         // A control of the name is told by the motion, where the author says nothing.
@@ -691,12 +720,14 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         let pattern = self.header.patterns.iter().find(|pattern| Some(&pattern.radiation) == radiation);
         let pattern = pattern.map_or(String::new(), |pattern| pattern.name.clone());
         let turns = matches!(radiation, Some(Radiation::Harmonics(_)));
+        let of = object.clone();
         let start = Start { sound: name, speed, offset_s, object, cause: cause.into(), pattern };
         let gain = faded(loudest, planned.time_s, end_s, sound.fade_in_s, sound.fade_out_s);
         let speed = (has_speed && !told).then_some(follows);
         let time_s = planned.time_s;
         let voice = Voice {
             start: Some(start),
+            of,
             place,
             turns,
             gain,

@@ -100,6 +100,18 @@ impl<const N: usize> Track<N> {
         (value, rate)
     }
 
+    /// The value at a time no earlier than the key before the last one, evenly on from these two, and its rate of change;
+    /// with one key it stands still.
+    pub fn going_on(&self, time_s: f64) -> ([f64; N], [f64; N]) {
+        let last = self.keys.len() - 1;
+        let (last_s, value) = self.keys[last];
+        let Some((before_s, before)) = last.checked_sub(1).map(|before| self.keys[before]) else {
+            return (value, [0.0; N]);
+        };
+        let rate: [f64; N] = std::array::from_fn(|i| (value[i] - before[i]) / (last_s - before_s));
+        (std::array::from_fn(|i| value[i] + rate[i] * (time_s - last_s)), rate)
+    }
+
     /// True where the keys about the segment that ends at `after` have its value too, so that the
     /// cubic is constant; said apart so that it is so to the last bit.
     fn is_still_about(&self, after: usize) -> bool {
@@ -131,6 +143,15 @@ mod tests {
         }
         assert_eq!(track.at(-1.0), ([height(0.0)], [0.0]));
         assert_eq!(track.at(5.0), ([height(0.9)], [0.0]));
+    }
+
+    #[test]
+    fn without_foresight_it_goes_on_evenly() {
+        let mut track = Track::new(1.0, [3.0, -1.0]);
+        assert_eq!(track.going_on(5.0), ([3.0, -1.0], [0.0; 2]));
+        track.push(1.5, [4.0, -1.0]);
+        assert_eq!(track.going_on(1.5), ([4.0, -1.0], [2.0, 0.0]));
+        assert_eq!(track.going_on(1.75), ([4.5, -1.0], [2.0, 0.0]));
     }
 
     #[test]

@@ -8,6 +8,9 @@
 //! three neighbouring keys, so that its rate of change, which is the pitch, is continuous. Where
 //! keys would make time stand still or run backwards between them, the slopes are limited (Fritsch
 //! & Carlson 1980). The gain is linear between keys, to which the ear is indifferent.
+//!
+//! Where keys come as things happen nobody can wait for the one behind: slopes are then those of the parabola through a
+//! key and the two before it ([`Foresight::None`]), and a segment is known with the key that ends it.
 
 use crate::hermite;
 
@@ -120,6 +123,19 @@ impl Segment {
         self.slope == [0.0; 2] && self.delay_s[0] == self.delay_s[1]
     }
 
+    /// True where another segment is the same but that it comes right behind: both stand still, in gain too.
+    pub fn goes_on_in(&self, next: &Segment) -> bool {
+        let is_plain = |segment: &Segment| {
+            segment.is_still()
+                && segment.gain[0] == segment.gain[1]
+                && segment.filter == [UNFILTERED; 2]
+                && segment.spread[0] == segment.spread[1]
+                && segment.fades == Fades::NONE
+        };
+        let is_same = self.delay_s == next.delay_s && self.gain == next.gain && self.spread == next.spread;
+        self.end_s == next.begin_s && is_same && is_plain(self) && is_plain(next)
+    }
+
     /// When what arrives at a time left its source; the time may lie a little outside the segment.
     pub fn emission_s(&self, arrival_s: f64) -> f64 {
         arrival_s - self.at(arrival_s).delay_s
@@ -188,9 +204,21 @@ impl Course {
     }
 }
 
-/// Makes segments from keys as they come. A segment is known once the key behind its end is.
+/// What a path knows of what follows a key.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Foresight {
+    /// The slope at a key is that of the parabola through it and its neighbours: a segment is known once the key behind its
+    /// end is.
+    #[default]
+    NextKey,
+    /// The slope at a key is that of the parabola that ends with it: a segment is known with its end.
+    None,
+}
+
+/// Makes segments from keys as they come. When a segment is known is its [`Foresight`].
 #[derive(Debug, Clone)]
 pub struct PathBuilder {
+    foresight: Foresight,
     /// The keys since the path began or jumped, the last three at most.
     keys: [PathKey; 3],
     count: usize,
@@ -207,12 +235,19 @@ impl PathBuilder {
     pub fn new(key: PathKey, fades_in: bool, lead_s: f64) -> Self {
         let in_s = if fades_in { key.emission_s } else { f64::NEG_INFINITY };
         Self {
+            foresight: Foresight::NextKey,
             keys: [key; 3],
             count: 1,
             slope: 0.0,
             fades: Fades { in_s, out_s: f64::INFINITY },
             lead_s: if fades_in { 0.0 } else { lead_s },
         }
+    }
+
+    /// The same with another foresight.
+    #[must_use]
+    pub fn with(self, foresight: Foresight) -> Self {
+        Self { foresight, ..self }
     }
 
     /// The keys that segments to come depend on.
@@ -227,13 +262,20 @@ impl PathBuilder {
 
     /// The arrival time up to which the path is known, whatever keys may follow.
     pub fn known_s(&self) -> f64 {
-        if self.count < 3 { self.keys[0].arrival_s() - self.lead_s } else { self.keys[1].arrival_s() }
+        match (self.foresight, self.count) {
+            (_, 1) | (Foresight::NextKey, 2) => self.keys[0].arrival_s() - self.lead_s,
+            (Foresight::NextKey, _) => self.keys[1].arrival_s(),
+            (Foresight::None, _) => self.last().arrival_s(),
+        }
     }
 
     /// The emission time from which on segments are still to come.
     pub fn coming_s(&self) -> f64 {
-        // The slope of the lead may be up to the limit.
-        self.keys[0].emission_s - RATE_LIMIT * self.lead_s
+        match (self.foresight, self.count) {
+            // The slope of the lead may be up to the limit.
+            (_, 1) | (Foresight::NextKey, _) => self.keys[0].emission_s - RATE_LIMIT * self.lead_s,
+            (Foresight::None, _) => self.last().emission_s,
+        }
     }
 
     /// The path goes on through a key. Segments that have become known are given to `emit`.
@@ -256,7 +298,7 @@ impl PathBuilder {
     /// follows fades in.
     pub fn jump(&mut self, key: PathKey, emit: &mut impl FnMut(Segment)) {
         self.end(PathKey { emission_s: key.emission_s, ..self.last() }, emit);
-        *self = Self::new(key, true, 0.0);
+        *self = Self::new(key, true, 0.0).with(self.foresight);
     }
 
     /// The path ends at a key: it goes on as it does there for as long as the sound fades out.
@@ -269,6 +311,8 @@ impl PathBuilder {
                 self.lead(emit);
                 0.0
             }
+            // What led here is known already.
+            _ if self.foresight == Foresight::None => self.slope,
             (2, [a, b, _]) => {
                 self.slope = secant(a, b);
                 self.lead(emit);
@@ -301,16 +345,36 @@ impl PathBuilder {
         }
         self.keys[self.count.min(2)] = key;
         self.count += 1;
-        if self.count >= 3 {
-            let [a, b, c] = self.keys;
-            if self.count == 3 {
-                self.slope = end_slope(a, b, c);
-                self.lead(emit);
+        match (self.foresight, self.count) {
+            (Foresight::None, _) => self.know(emit),
+            (Foresight::NextKey, 1 | 2) => {}
+            (Foresight::NextKey, _) => {
+                let [a, b, c] = self.keys;
+                if self.count == 3 {
+                    self.slope = end_slope(a, b, c);
+                    self.lead(emit);
+                }
+                let slope = middle_slope(a, b, c);
+                emit(self.segment(a, b, [self.slope, slope]));
+                self.slope = slope;
             }
-            let slope = middle_slope(a, b, c);
-            emit(self.segment(a, b, [self.slope, slope]));
-            self.slope = slope;
         }
+    }
+
+    /// Gives the segment that the last key ends, by that key and those before it alone.
+    fn know(&mut self, emit: &mut impl FnMut(Segment)) {
+        let (a, b, slope) = match (self.count, self.keys) {
+            (1, _) => return,
+            (2, [a, b, _]) => {
+                self.slope = secant(a, b);
+                self.lead(emit);
+                (a, b, self.slope)
+            }
+            (_, [a, b, c]) => (b, c, end_slope(c, b, a)),
+        };
+        // The slope at its beginning was found before anybody knew how steep it would be.
+        emit(self.segment(a, b, [limit(self.slope, secant(a, b)), slope]));
+        self.slope = slope;
     }
 
     /// What comes before the first key: the path went on as it does there.

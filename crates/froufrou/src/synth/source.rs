@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use std::sync::{Mutex, PoisonError};
 
 use super::instrument::{Generator, GrainStart, Instrument, Ramp, Stretch, Strike, stretch_samples};
+use super::path::Foresight;
 use super::sinc::Samples;
 use super::voice::Signal;
 use crate::random::Random;
@@ -13,6 +14,9 @@ use crate::{Error, Result};
 
 /// After a fault the signal is brought to nothing over this many samples.
 const SETTLE: usize = 256;
+
+/// Where nobody knows what is told next, a control goes from its value to the one that it is told within so many seconds.
+const GLIDE_S: f64 = 0.01;
 
 /// A generator, what it has been told, and the part of its signal that is still under way.
 pub(crate) struct Source {
@@ -24,6 +28,7 @@ pub(crate) struct Source {
     grain_count: usize,
     /// How far ahead of its sound the generator is told its controls.
     ahead_s: f64,
+    foresight: Foresight,
     strikes: VecDeque<Strike>,
     grains: VecDeque<GrainStart>,
     /// The signal from sample `base` on.
@@ -54,6 +59,21 @@ impl ControlTrack {
         }
     }
 
+    /// From a time on it goes to a value.
+    fn glide(&mut self, time_s: f64, value: f64) {
+        let from = self.at(time_s);
+        while self.keys.back().is_some_and(|&(key_s, _)| key_s >= time_s) {
+            self.keys.pop_back();
+        }
+        // What it is told as it starts it has from the start.
+        if time_s > 0.0 {
+            self.keys.push_back((time_s, from));
+            self.keys.push_back((time_s + GLIDE_S, value));
+        } else {
+            self.keys.push_back((time_s, value));
+        }
+    }
+
     fn forget(&mut self, time_s: f64) {
         while self.keys.get(1).is_some_and(|&(key_s, _)| key_s <= time_s) {
             self.keys.pop_front();
@@ -75,6 +95,7 @@ impl Source {
             rings: instrument.ring_s().is_some(),
             grain_count: instrument.clips(),
             ahead_s: instrument.ahead_s(),
+            foresight: Foresight::NextKey,
             strikes: VecDeque::new(),
             grains: VecDeque::new(),
             samples: Vec::new(),
@@ -83,6 +104,11 @@ impl Source {
             due: Vec::new(),
             due_grains: Vec::new(),
         })
+    }
+
+    /// The same with another foresight: where it has none, controls glide to what they are told.
+    pub(crate) fn with(self, foresight: Foresight) -> Self {
+        Self { foresight, ..self }
     }
 
     /// Takes in what is said to it, `time_s` seconds after its start.
@@ -121,7 +147,12 @@ impl Source {
                             known => fault.help(format!("it has {}", known.join(", "))),
                         });
                     };
-                    track.keys.push_back((time_s, *value));
+                    match self.foresight {
+                        Foresight::NextKey => track.keys.push_back((time_s, *value)),
+                        Foresight::None if time_s <= 0.0 => track.glide(0.0, *value),
+                        // It has asked for what is so far ahead already.
+                        Foresight::None => track.glide(time_s + self.ahead_s, *value),
+                    }
                 }
             }
         }
@@ -130,6 +161,9 @@ impl Source {
 
     /// Seconds since its start up to which every control that moves is known.
     pub(crate) fn known_s(&self) -> f64 {
+        if self.foresight == Foresight::None {
+            return f64::INFINITY;
+        }
         let last = self.controls.iter().filter(|track| track.keys.len() > 1);
         last.filter_map(|track| track.keys.back()).map(|&(key_s, _)| key_s).fold(f64::INFINITY, f64::min)
             - self.ahead_s

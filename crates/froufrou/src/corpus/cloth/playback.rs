@@ -145,6 +145,66 @@ impl Playback {
     }
 }
 
+/// So many energies are remembered.
+const REMEMBERED: usize = 1024;
+
+/// Chooses pops for bucklings that are not known beforehand: by the distribution of those that have been.
+///
+/// ```
+/// use froufrou::corpus::cloth::playback::Learning;
+/// use froufrou::random::Random;
+/// let pops = [1e-5, 4e-5, 9e-5];
+/// let mut learning = Learning::new(&pops, 0.0, Random::new(7, 0));
+/// (0..200u32).for_each(|k| drop(learning.choose(0.1 * f64::from(k), f64::from(1 + k * 37 % 100))));
+/// assert_eq!(learning.choose(20.0, 1.0)?.pop, 0);
+/// assert_eq!(learning.choose(20.1, 100.0)?.pop, 2);
+/// # Ok::<(), froufrou::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Learning {
+    pops: Vec<f64>,
+    jitter_s: f64,
+    random: Random,
+    /// A fair share of all energies so far.
+    energies: Vec<f64>,
+    count: u64,
+    playback: Option<Playback>,
+}
+
+impl Learning {
+    /// From the energies of all pops; see [`Playback::new`].
+    pub fn new(pops: &[f64], jitter_s: f64, random: Random) -> Self {
+        Self { pops: pops.to_vec(), jitter_s, random, energies: Vec::new(), count: 0, playback: None }
+    }
+
+    /// The pop for the next buckling, at a time, of an energy.
+    ///
+    /// # Errors
+    /// As [`Playback::new`].
+    pub fn choose(&mut self, time_s: f64, energy: f64) -> Result<Chosen> {
+        let number = self.count;
+        self.count += 1;
+        // Each that has been is remembered as likely as any other (Vitter 1985, algorithm R).
+        if self.energies.len() < REMEMBERED {
+            self.energies.push(energy);
+        } else {
+            let at = self.random.below(2 * number, usize::try_from(self.count).unwrap_or(usize::MAX));
+            if let Some(energies) = self.energies.get_mut(at) {
+                *energies = energy;
+            }
+        }
+        // The distribution changes less and less.
+        let is_due = self.count.is_power_of_two() || self.count.is_multiple_of(REMEMBERED as u64 / 4);
+        let playback = match self.playback.take().filter(|_| !is_due) {
+            Some(playback) => playback,
+            None => Playback::new(&self.pops, &self.energies, self.jitter_s, self.random)?,
+        };
+        let chosen = playback.choose(2 * number + 1, time_s, energy);
+        self.playback = Some(playback);
+        Ok(chosen)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -193,6 +253,29 @@ mod tests {
         // Stronger bucklings never get weaker pops.
         let energy = |e: f64| playback.choose(0, 0.0, e).energy;
         assert!((0..500).all(|k| energy(20.0 * f64::from(k)) <= energy(20.0 * f64::from(k + 1))));
+    }
+
+    #[test]
+    fn what_is_learnt_comes_to_be_what_is_known() {
+        let golden = golden();
+        let known = Playback::new(&golden.samples, &golden.events, 0.0, Random::new(0, 0)).unwrap();
+        let mut learning = Learning::new(&golden.samples, 0.0, Random::new(3, 0));
+        // Much longer than it remembers.
+        for round in 0..3000 / golden.events.len() + 40 {
+            for (k, energy) in golden.events.iter().enumerate() {
+                learning.choose((round * 1000 + k) as f64, *energy).unwrap();
+            }
+        }
+        assert!(learning.energies.len() <= REMEMBERED);
+        let greatest = golden.samples.iter().copied().fold(0.0, f64::max);
+        for asked in &golden.asked {
+            let (found, expected) =
+                (learning.choose(0.0, *asked).unwrap().energy, known.choose(0, 0.0, *asked).energy);
+            assert!((found - expected).abs() < 0.1 * greatest, "{asked}: {found}, {expected}");
+        }
+        let mut first = Learning::new(&[1.0, 2.0], 0.0, Random::new(0, 0));
+        assert!(first.choose(0.0, 5.0).is_ok() && first.choose(0.0, f64::NAN).is_err());
+        assert!(Learning::new(&[], 0.0, Random::new(0, 0)).choose(0.0, 1.0).is_err());
     }
 
     #[test]

@@ -20,9 +20,6 @@ use super::triangulation::Triangulation;
 
 /// Nobody has crossed yet.
 const NONE: u32 = u32::MAX;
-/// A vertex that gets to the other side so long after its curvature was 0, in seconds, does so without a sound, and
-/// nobody has to wait for it.
-const LATEST_S: f64 = 0.1;
 
 /// A vertex and its neighbours average with this part of their squared distance as their variance: six of seven on a
 /// ring, whose variance along either axis is half.
@@ -45,6 +42,22 @@ pub struct BuckleSettings {
     pub gap_s: f64,
     /// A buckle that goes on ends after so many seconds, and another begins.
     pub longest_s: f64,
+    /// A vertex that gets to the other side so long after its curvature was 0, in seconds, does so without a sound, and
+    /// nobody has to wait for it.
+    pub latest_s: f64,
+}
+
+impl BuckleSettings {
+    /// The same for who cannot wait for long: what is slow to cross is silent, and what goes on is told in shorter pieces.
+    #[must_use]
+    pub fn prompt(self) -> Self {
+        Self { gap_s: 1.0 / 60.0, longest_s: 1.0 / 30.0, latest_s: 1.0 / 30.0, ..self }
+    }
+
+    /// So long after it happened a buckle is told at the latest, in seconds, and a frame.
+    pub fn behind_s(&self) -> f64 {
+        self.gap_s + self.longest_s + self.latest_s
+    }
 }
 
 impl Default for BuckleSettings {
@@ -57,6 +70,7 @@ impl Default for BuckleSettings {
             least_energy_mps: 0.0,
             gap_s: 1.0 / 30.0,
             longest_s: 1.0 / 15.0,
+            latest_s: 0.1,
         }
     }
 }
@@ -202,7 +216,7 @@ impl Buckles {
     pub fn settled_s(&self) -> f64 {
         let Some(last_s) = self.last else { return f64::NEG_INFINITY };
         let open = self.buckles.iter().filter(|buckle| !buckle.over).map(|buckle| buckle.first_s);
-        open.fold(last_s - LATEST_S, f64::min)
+        open.fold(last_s - self.settings.latest_s, f64::min)
     }
 
     fn begin(&mut self, curvature: &Curvature, surface: &Triangulation, positions: &[[f32; 3]]) {
@@ -275,11 +289,11 @@ impl Buckles {
             let is_first = state.side == 0;
             state.side = side;
             let (at_s, position) = (state.zero_s, state.zero_m);
-            if is_first || time_s - at_s > LATEST_S {
+            if is_first || time_s - at_s > self.settings.latest_s {
                 continue;
             }
             let energy = areas[vertex] * (now - state.before_per_m).abs() / (time_s - state.before_s);
-            let at_s = state.zero_s.max(time_s - LATEST_S);
+            let at_s = state.zero_s.max(time_s - self.settings.latest_s);
             self.join(vertex as u32, surface, side > 0, at_s, energy, position);
         }
     }
@@ -373,7 +387,7 @@ impl Buckles {
         let Self { settings, buckles, found, .. } = self;
         for (number, buckle) in buckles.iter_mut().enumerate() {
             // What joins may be told late.
-            let joins = time_s - LATEST_S
+            let joins = time_s - settings.latest_s
                 <= (buckle.last_s + settings.gap_s).min(buckle.first_s + settings.longest_s);
             if buckle.over || joins {
                 continue;

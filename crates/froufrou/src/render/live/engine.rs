@@ -3,17 +3,20 @@
 use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Acquire;
-use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
-use super::feed::{Feed, Told};
-use super::handle::{Handle, Left, MoverId};
+use super::feed::{Delays, Faults, Feed};
+use super::handle::{Bodies, Handle, Latency, Left, MoverId, Movers};
+use super::meshes::Meshes;
+use super::told::Told;
 use super::{Player, Settings, Supply};
-use crate::motion::{impact, slide};
 use crate::render::production::{ChannelLines, PULSE, Production};
 use crate::scene::Scene;
 use crate::scene::fed::Fed;
+use crate::score::ChannelHeader;
 use crate::synth::mixer::{Mixer, Sounding};
+use crate::synth::path::Foresight;
 use crate::synth::receivers;
 use crate::synth::voice::Prototype;
 use crate::{Error, Result};
@@ -26,18 +29,20 @@ pub struct EngineSettings {
     /// The step of the simulation whose contacts are told, in seconds.
     pub contact_step_s: f64,
     /// Keys of all that sounds are so far apart, in seconds, and what is told to move moves evenly between them. The latency
-    /// goes with this: a way is known once four more keys are.
+    /// goes with this.
     pub key_step_s: f64,
     /// So much is handed to the audio thread before it begins, in seconds: the longest time between two calls of
     /// [`Handle::advance`], and what the worker may be late.
     pub ahead_s: f64,
     /// It is handed over in slices of so many frames.
     pub slice_frames: usize,
-    /// So much can be told before the worker takes it: contacts, poses and times.
+    /// So much can be told before the worker takes it: contacts, poses, meshes and times.
     pub room: usize,
     /// The objects that are moved by the handle, by their names.
     pub movers: Vec<String>,
-    /// Whether the listener is.
+    /// The objects whose meshes are told by the handle, by their names: such as cloth and paper.
+    pub meshes: Vec<String>,
+    /// Whether the listener is moved.
     pub moves_listener: bool,
 }
 
@@ -51,13 +56,14 @@ impl Default for EngineSettings {
             slice_frames: 128,
             room: 1 << 14,
             movers: Vec::new(),
+            meshes: Vec::new(),
             moves_listener: false,
         }
     }
 }
 
-/// What is looked ahead for onsets, in seconds, beside keys.
-const ONSET_S: f64 = 0.004;
+/// What is looked ahead for onsets that ring before their time, in seconds.
+const ONSET_S: f64 = 0.002;
 
 /// The worker sleeps so long where all that is known has been handed over.
 const NAP: Duration = Duration::from_millis(1);
@@ -68,58 +74,218 @@ const NAP: Duration = Duration::from_millis(1);
 /// # Errors
 /// Settings that cannot be; a scene that cannot be opened; an object to be moved that it does not have.
 pub fn start(scene: Scene, settings: EngineSettings) -> Result<(Handle, Player)> {
-    for (name, value, most) in
-        [("contact_step_s", settings.contact_step_s, 1.0), ("key_step_s", settings.key_step_s, 1.0)]
-    {
-        if !(1e-4..=most).contains(&value) {
-            return Err(Error::new(format!("`{name}` is {value}, expected 0.0001 to {most}")));
-        }
-    }
-    let (told, coming) = rtrb::RingBuffer::new(settings.room.clamp(16, 1 << 24));
+    settings.check()?;
+    let (told, coming) = settings.ring();
     let stop = Arc::new(AtomicBool::new(false));
-    let fault = Arc::new(Mutex::new(None));
+    let faults = Faults::default();
     let (ready, opened) = mpsc::sync_channel(1);
     let spawned = {
-        let (stop, fault) = (stop.clone(), fault.clone());
+        let (stop, faults, settings) = (stop.clone(), faults.clone(), settings.clone());
         std::thread::Builder::new().name("froufrou".into()).spawn(move || {
-            let run = work(scene, &settings, coming, &stop, &fault, &ready);
+            let run = work(scene, &settings, coming, &stop, &faults, &ready);
             if let Err(error) = run {
-                *fault.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+                faults.end(error);
             }
         })
     };
     let worker = spawned.map_err(|error| Error::new("there is no thread for the worker").because(error))?;
-    let Ok(Opened { player, movers, listener, latency_s }) = opened.recv() else {
+    let Ok((ends, player)) = opened.recv() else {
         // It ended before it was ready, and said why.
         let _ = worker.join();
-        let found = fault.lock().unwrap_or_else(PoisonError::into_inner).take();
-        return Err(found.unwrap_or_else(|| Error::new("the worker ended")));
+        return Err(faults.take().unwrap_or_else(|| Error::new("the worker ended")));
     };
-    let handle = Handle {
+    let mut handle = handle(told, ends, stop, faults);
+    (handle.worker, handle.counters) = (Some(worker), player.counters.clone());
+    Ok((handle, player))
+}
+
+/// Renders what a handle is told, as an engine would play it, but as fast as it goes: `tell` tells it, on a thread of its own,
+/// and waits where there is no room; `render` is given the mixer of the score that comes of it and the score's header. It ends
+/// where no more is told and all has sounded.
+///
+/// ```no_run
+/// use froufrou::render::live::{self, EngineSettings};
+/// use froufrou::render::offline::{self, Extent};
+/// use froufrou::scene::Scene;
+/// let scene = Scene::open("scene.toml", false)?;
+/// let mut mix = Vec::new();
+/// live::replay(
+///     scene,
+///     EngineSettings::default(),
+///     |handle| {
+///         for frame in 1..=600 {
+///             handle.advance(f64::from(frame) / 60.0)?;
+///         }
+///         Ok(())
+///     },
+///     |mixer, header| {
+///         let extent = Extent { rate_hz: 48_000, from_s: 0.0, to_s: None, duration_s: None };
+///         offline::render(mixer, header.channels().len(), &extent, false, |piece| {
+///             mix.extend_from_slice(piece.mix);
+///             Ok(())
+///         })
+///     },
+/// )?;
+/// # Ok::<(), froufrou::Error>(())
+/// ```
+///
+/// # Errors
+/// As [`start`]; what `tell` and `render` return, the latter first.
+pub fn replay<T>(
+    scene: Scene,
+    settings: EngineSettings,
+    tell: impl FnOnce(&mut Handle) -> Result<()> + Send,
+    render: impl FnOnce(&mut Mixer<ChannelLines<'_>>, &ChannelHeader) -> Result<T>,
+) -> Result<T> {
+    settings.check()?;
+    let (told, coming) = settings.ring();
+    let stop = Arc::new(AtomicBool::new(false));
+    let faults = Faults::default();
+    let chain = Chain::open(scene, &settings)?;
+    let (mut mixer, header, ends) = chain.mixer(&settings, coming, &stop, &faults)?;
+    let mut handle = handle(told, ends, stop, faults.clone());
+    handle.waits = true;
+    std::thread::scope(|scope| {
+        // Its end, with the handle, is that of what is told.
+        let told = scope.spawn(move || {
+            let told = tell(&mut handle);
+            drop(handle);
+            told
+        });
+        let rendered = render(&mut mixer, &header);
+        // Where it was given up nobody waits for room.
+        drop(mixer);
+        let told = told.join().unwrap_or_else(|_| Err(Error::new("what tells has failed")));
+        let rendered = rendered?;
+        told?;
+        faults.take().map_or(Ok(rendered), Err)
+    })
+}
+
+impl EngineSettings {
+    fn check(&self) -> Result<()> {
+        for (name, value, most) in
+            [("contact_step_s", self.contact_step_s, 1.0), ("key_step_s", self.key_step_s, 1.0)]
+        {
+            if !(1e-4..=most).contains(&value) {
+                return Err(Error::new(format!("`{name}` is {value}, expected 0.0001 to {most}")));
+            }
+        }
+        Ok(())
+    }
+
+    fn ring(&self) -> (rtrb::Producer<Told>, rtrb::Consumer<Told>) {
+        rtrb::RingBuffer::new(self.room.clamp(16, 1 << 24))
+    }
+}
+
+/// What a handle has to know of an opened scene.
+struct Ends {
+    movers: Movers,
+    listener: Option<MoverId>,
+    objects: Vec<String>,
+    materials: Vec<String>,
+    latency: Latency,
+}
+
+fn handle(told: rtrb::Producer<Told>, ends: Ends, stop: Arc<AtomicBool>, faults: Faults) -> Handle {
+    let Ends { movers, listener, objects, materials, latency } = ends;
+    Handle {
         told,
-        bodies: BTreeMap::new(),
+        waits: false,
+        bodies: Bodies::default(),
         movers,
         listener,
-        known_s: 0.0,
+        objects: objects.into_iter().collect(),
+        materials: materials.into_iter().collect(),
+        known_s: None,
         contact_s: 0.0,
+        skipped_s: 0.0,
         owed_s: None,
         rows: 0,
         left: Left::default(),
         stop,
-        fault,
-        worker: Some(worker),
-        counters: player.counters.clone(),
-        latency_s,
-    };
-    Ok((handle, player))
+        faults,
+        worker: None,
+        counters: Arc::default(),
+        latency,
+    }
 }
 
-/// What a worker has made ready.
-struct Opened {
-    player: Player,
+/// A scene that is told what happens in it.
+struct Chain {
+    production: Production,
+    fed: Vec<Arc<Fed>>,
     movers: BTreeMap<String, MoverId>,
     listener: Option<MoverId>,
-    latency_s: f64,
+}
+
+impl Chain {
+    fn open(scene: Scene, settings: &EngineSettings) -> Result<Self> {
+        let mut fed: Vec<Arc<Fed>> = Vec::new();
+        let (mut movers, mut listener) = (BTreeMap::new(), None);
+        let production = Production::open_with(scene, |scene, world| {
+            let moved = settings.movers.iter().map(|name| (name, false));
+            for (name, has_mesh) in settings.meshes.iter().map(|name| (name, true)).chain(moved) {
+                let Some(index) = scene.objects.iter().position(|object| object.name == *name) else {
+                    return Err(
+                        Error::new(format!("there is no object `{name}` to be moved")).in_file(&scene.file)
+                    );
+                };
+                if movers.contains_key(name) {
+                    continue;
+                }
+                movers.insert(name.clone(), MoverId::first(fed.len()));
+                fed.push(world.feed_object(index, settings.key_step_s, has_mesh)?);
+            }
+            if settings.moves_listener {
+                listener = Some(MoverId::first(fed.len()));
+                fed.push(world.feed_listener(settings.key_step_s)?);
+            }
+            Ok(())
+        })?;
+        Ok(Self { production, fed, movers, listener })
+    }
+
+    /// The mixer of what it is told.
+    fn mixer(
+        &self,
+        settings: &EngineSettings,
+        told: rtrb::Consumer<Told>,
+        stop: &Arc<AtomicBool>,
+        faults: &Faults,
+    ) -> Result<(Mixer<ChannelLines<'_>>, ChannelHeader, Ends)> {
+        let Self { production, fed, movers, listener } = self;
+        let Production { scene, world, .. } = production;
+        let meshes = Meshes::new(scene.clone(), world.clone(), settings.key_step_s);
+        let step_s = settings.contact_step_s;
+        let feed = Feed::new(told, step_s, fed.clone(), meshes, stop.clone(), faults.clone());
+        let header = production.channel_header();
+        let receivers = receivers::load(&header, &scene.folder, settings.rate_hz)?;
+        let rate_hz = f64::from(settings.rate_hz);
+        let pulse = Prototype { samples: Arc::new([]), rate_hz, looped: false };
+        let pulse = (PULSE.to_owned(), Sounding::from(pulse));
+        let sounds = production.prototypes.clone().into_iter().chain([pulse]);
+        let lines = production.told_lines(feed, settings.key_step_s)?;
+        let has_colours =
+            header.receivers.len() != header.channels().len() || production.header.surroundings.is_some();
+        let mixer = Mixer::idle(settings.rate_hz, receivers, sounds, lines)?;
+        let mixer = mixer.with_seed(header.seed).keeping_going(true).looking_ahead(ONSET_S);
+        let mixer = mixer.with_foresight(Foresight::None);
+        let mixer = if has_colours { mixer } else { mixer.uncoloured() };
+        // A way is known up to its last key, and that is no older than the pulse's next one.
+        let known_s = settings.key_step_s + mixer.look_ahead() as f64 / rate_hz;
+        let latency = Latency { all_s: known_s, ahead_s: settings.ahead_s, delays: Delays::of(step_s) };
+        let names = |objects: &mut dyn Iterator<Item = &String>| objects.cloned().collect::<Vec<_>>();
+        let ends = Ends {
+            movers: Movers::new(movers.clone(), fed.len()),
+            listener: *listener,
+            objects: names(&mut scene.objects.iter().map(|object| &object.name)),
+            materials: names(&mut scene.materials.iter().map(|material| &material.name)),
+            latency,
+        };
+        Ok((mixer, header, ends))
+    }
 }
 
 fn work(
@@ -127,54 +293,26 @@ fn work(
     settings: &EngineSettings,
     told: rtrb::Consumer<Told>,
     stop: &Arc<AtomicBool>,
-    fault: &Mutex<Option<Error>>,
-    ready: &mpsc::SyncSender<Opened>,
+    faults: &Faults,
+    ready: &mpsc::SyncSender<(Ends, Player)>,
 ) -> Result<()> {
-    let mut fed: Vec<Arc<Fed>> = Vec::new();
-    let (mut movers, mut listener) = (BTreeMap::new(), None);
-    let production = Production::open_with(scene, |scene, world| {
-        for name in &settings.movers {
-            let Some(index) = scene.objects.iter().position(|object| object.name == *name) else {
-                return Err(
-                    Error::new(format!("there is no object `{name}` to be moved")).in_file(&scene.file)
-                );
-            };
-            movers.insert(name.clone(), MoverId(fed.len()));
-            fed.push(world.feed_object(index, settings.key_step_s)?);
-        }
-        if settings.moves_listener {
-            listener = Some(MoverId(fed.len()));
-            fed.push(world.feed_listener(settings.key_step_s)?);
-        }
-        Ok(())
-    })?;
-    let feed = Feed::new(told, settings.contact_step_s, fed, stop.clone());
-    let header = production.channel_header();
-    let receivers = receivers::load(&header, &production.scene.folder, settings.rate_hz)?;
-    let rate_hz = f64::from(settings.rate_hz);
-    let pulse = Prototype { samples: Arc::new([]), rate_hz, looped: false };
-    let sounds = production.prototypes.clone().into_iter().chain([(PULSE.to_owned(), Sounding::from(pulse))]);
-    let (lines, behind_s) = production.told_lines(feed, settings.key_step_s)?;
-    let has_colours =
-        header.receivers.len() != header.channels().len() || production.header.surroundings.is_some();
-    let mixer = Mixer::idle(settings.rate_hz, receivers, sounds, lines)?;
-    let mixer = mixer.with_seed(header.seed).keeping_going(true).looking_ahead(ONSET_S);
-    let mixer = if has_colours { mixer } else { mixer.uncoloured() };
-    let analysed_s = impact::Settings::new(impact::Step::Fixed(settings.contact_step_s)).behind_s();
-    // What slides has a key a moment.
-    let key_s = settings.key_step_s.max(slide::MOMENT_S).max(settings.contact_step_s);
-    let known_s = behind_s + analysed_s + 5.0 * key_s + mixer.look_ahead() as f64 / rate_hz;
+    let chain = Chain::open(scene, settings)?;
+    let (mixer, _, mut ends) = chain.mixer(settings, told, stop, faults)?;
     let part = Settings {
         ahead_s: settings.ahead_s,
         slice_frames: settings.slice_frames,
-        slack_s: settings.ahead_s + known_s,
+        // Two frames of a game may come at once.
+        slack_s: settings.ahead_s,
+        catches_up: true,
         from_s: 0.0,
         duration_s: None,
     };
     let (supply, player) = super::part(mixer, part)?;
-    let latency_s = known_s + settings.ahead_s + player.limiter_latency() as f64 / rate_hz;
+    let rate_hz = f64::from(settings.rate_hz);
+    ends.latency.ahead_s = player.ahead_frames() as f64 / rate_hz;
+    ends.latency.all_s += ends.latency.ahead_s + player.limiter_latency() as f64 / rate_hz;
     let mut supply: Supply<ChannelLines<'_>> = supply.following();
-    if ready.send(Opened { player, movers, listener, latency_s }).is_err() {
+    if ready.send((ends, player)).is_err() {
         return Ok(());
     }
     while !stop.load(Acquire) {
@@ -182,7 +320,7 @@ fn work(
         // Nobody asks what has begun; it would grow.
         supply.take_begun();
         if let Some(silenced) = supply.take_faults().1.into_iter().next() {
-            fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(silenced);
+            faults.tell(silenced);
         }
         std::thread::park_timeout(NAP);
     }

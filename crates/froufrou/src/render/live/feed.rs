@@ -1,68 +1,240 @@
 //! What a handle tells, as events of a scene in order of time.
 
-use std::sync::Arc;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Acquire;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use rtrb::Consumer;
 
-use super::handle::MoverId;
-use crate::Result;
-use crate::motion::event::{Cause, Event, LogRows};
+use super::meshes::Meshes;
+use super::told::Told;
+use crate::motion::event::{Becomes, Cause, Change, Event, LogRows};
 use crate::motion::impact::{Settings, Step};
-use crate::motion::lives::Lives;
-use crate::scene::contact_log::ContactRow;
-use crate::scene::fed::{Fed, FedPose};
-
-/// What a handle tells.
-pub(super) enum Told {
-    /// The next body has this name.
-    Body(Arc<str>),
-    Contact(ContactRow),
-    Pose(MoverId, f64, FedPose),
-    /// All that happens before has been told.
-    Advance(f64),
-}
+use crate::motion::lives::{Found, Lives, Touch};
+use crate::motion::moving_cloth;
+use crate::scene::fed::Fed;
+use crate::{Error, Result};
 
 /// So long the worker sleeps at most where nothing is told.
 const NAP: Duration = Duration::from_micros(500);
 
+/// An event that is known before it is passed on.
+struct Pending {
+    time_s: f64,
+    /// Of events at one time the one that was known first comes first.
+    number: u64,
+    event: Event,
+}
+
+impl PartialEq for Pending {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+impl Eq for Pending {}
+impl PartialOrd for Pending {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+impl Ord for Pending {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.time_s.total_cmp(&other.time_s).then(self.number.cmp(&other.number))
+    }
+}
+
 /// The events of what is told. An iterator that waits until there is one, or until it is known that there is none before
-/// a time; it ends when it is stopped.
+/// a time; it ends when it is stopped and all that was told is taken.
+///
+/// Impacts are passed on at their times. What is found out later than that comes later by a steady time, so that nothing else
+/// waits for it: see [`Delays`].
 pub(super) struct Feed {
     told: Consumer<Told>,
-    names: Vec<Arc<str>>,
+    bodies: Vec<Arc<str>>,
     lives: Lives,
-    movers: Vec<Arc<Fed>>,
+    movers: Vec<Option<Arc<Fed>>>,
+    meshes: Meshes,
+    delays: Delays,
+    pending: BinaryHeap<Reverse<Pending>>,
+    count: u64,
     /// What was told last to be known, and what of it has been passed on.
     known_s: f64,
     passed_s: f64,
     stop: Arc<AtomicBool>,
+    faults: Faults,
+}
+
+/// By how much later than it happens what is told is passed on, in seconds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Delays {
+    /// What slides and rolls: two moments tell which of it it is.
+    pub rubbing_s: f64,
+    /// What cloth does: where it buckles is known once it has.
+    pub cloth_s: f64,
+}
+
+impl Delays {
+    fn new(lives: &Lives) -> Self {
+        Self { rubbing_s: lives.rubs_behind_s(), cloth_s: moving_cloth::prompt_behind_s() }
+    }
+
+    /// Those of contacts that are told in steps of so many seconds.
+    pub(super) fn of(step_s: f64) -> Self {
+        Self::new(&Lives::new(Settings::prompt(Step::Fixed(step_s))))
+    }
+}
+
+/// Faults that do not end a worker. The first one is kept until somebody asks.
+#[derive(Clone, Default)]
+pub(super) struct Faults(Arc<Mutex<Option<Error>>>);
+
+impl Faults {
+    pub fn tell(&self, fault: Error) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(fault);
+    }
+
+    /// The last word.
+    pub fn end(&self, fault: Error) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(fault);
+    }
+
+    pub fn take(&self) -> Option<Error> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
 }
 
 impl Feed {
-    pub fn new(told: Consumer<Told>, step_s: f64, movers: Vec<Arc<Fed>>, stop: Arc<AtomicBool>) -> Self {
-        let lives = Lives::new(Settings::new(Step::Fixed(step_s)));
-        Self { told, names: Vec::new(), lives, movers, known_s: 0.0, passed_s: 0.0, stop }
+    /// A feed for contacts in steps of so many seconds; `movers` are what is told to move from the beginning.
+    pub fn new(
+        told: Consumer<Told>,
+        step_s: f64,
+        movers: Vec<Arc<Fed>>,
+        meshes: Meshes,
+        stop: Arc<AtomicBool>,
+        faults: Faults,
+    ) -> Self {
+        let lives = Lives::new(Settings::prompt(Step::Fixed(step_s)));
+        Self {
+            told,
+            bodies: Vec::new(),
+            delays: Delays::new(&lives),
+            lives,
+            movers: movers.into_iter().map(Some).collect(),
+            meshes,
+            pending: BinaryHeap::new(),
+            count: 0,
+            known_s: 0.0,
+            passed_s: 0.0,
+            stop,
+            faults,
+        }
+    }
+
+    fn mover(&self, slot: u32) -> Option<&Arc<Fed>> {
+        self.movers.get(slot as usize)?.as_ref()
+    }
+
+    /// Passes an event on when its time has come, and not before what was passed on.
+    fn push(&mut self, event: Event, later_s: f64) {
+        let time_s = (event.time_s() + later_s).max(self.passed_s);
+        self.count += 1;
+        self.pending.push(Reverse(Pending { time_s, number: self.count, event: event.at(time_s) }));
     }
 
     fn take(&mut self, told: Told) -> Result<()> {
         match told {
-            Told::Body(name) => self.names.push(name),
-            Told::Contact(row) => self.lives.feed(&row, [None; 2])?,
-            Told::Pose(mover, time_s, pose) => {
-                if let Some(fed) = self.movers.get(mover.0) {
+            Told::Body(number, name) => {
+                let number = number as usize;
+                if self.bodies.len() <= number {
+                    self.bodies.resize(number + 1, "".into());
+                }
+                self.bodies[number] = name;
+            }
+            Told::Contact(contact) => {
+                let Touch { row, states, at_s } = &*contact;
+                self.lives.feed_impact(row, *states, *at_s)?;
+                self.lives.feed_rub(row, *states)?;
+            }
+            Told::Pose { slot, time_s, pose } => {
+                if let Some(fed) = self.mover(slot) {
                     fed.push(time_s, pose);
                 }
             }
+            Told::Mesh { slot, time_s, positions, faces } => {
+                if let Some(fed) = self.mover(slot).cloned() {
+                    match fed.push_mesh(time_s, positions, faces) {
+                        Ok(()) => self.meshes.told(&fed, time_s),
+                        Err(fault) => self.faults.tell(fault),
+                    }
+                }
+            }
+            Told::Appear { slot, name, kind, time_s, pose } => {
+                self.look(time_s);
+                match self.meshes.appear(&name, &kind, pose) {
+                    Ok(fed) => {
+                        let slot = slot as usize;
+                        if self.movers.len() <= slot {
+                            self.movers.resize(slot + 1, None);
+                        }
+                        self.movers[slot] = Some(fed.clone());
+                        self.change(time_s, &name, Becomes::There { kind: kind.to_string(), fed });
+                    }
+                    Err(fault) => self.faults.tell(fault),
+                }
+            }
+            Told::Vanish { slot, name, time_s } => {
+                self.look(time_s);
+                self.meshes.vanish(&name);
+                if let Some(mover) = slot.and_then(|slot| self.movers.get_mut(slot as usize)) {
+                    *mover = None;
+                }
+                self.change(time_s, &name, Becomes::Gone);
+            }
+            Told::Material { name, material, time_s } => {
+                self.look(time_s);
+                self.meshes.material(&name, &material);
+                self.change(time_s, &name, Becomes::Of(material.to_string()));
+            }
             Told::Advance(time_s) => {
-                self.lives.advance(time_s)?;
-                self.movers.iter().for_each(|fed| fed.stand(time_s));
+                self.lives.complete(time_s)?;
+                while let Some(blow) = self.lives.next_blow() {
+                    let event = self.found(Found::Blow(blow));
+                    self.push(event, 0.0);
+                }
+                while let Some(rubbed) = self.lives.next_rubbed() {
+                    let event = self.found(Found::Rubbed(rubbed));
+                    self.push(event, self.delays.rubbing_s);
+                }
+                self.movers.iter().flatten().for_each(|fed| fed.stand(time_s));
+                self.look(time_s);
                 self.known_s = time_s;
             }
         }
         Ok(())
+    }
+
+    fn change(&mut self, time_s: f64, name: &str, what: Becomes) {
+        self.push(Event::Change(Change { time_s, name: name.to_owned(), what }), 0.0);
+    }
+
+    /// Looks at the frames of meshes that were told up to a time.
+    fn look(&mut self, time_s: f64) {
+        if let Err(fault) = self.meshes.look(time_s) {
+            self.faults.tell(fault);
+        }
+        while let Some((event, is_cloth)) = self.meshes.event() {
+            self.push(event, if is_cloth { self.delays.cloth_s } else { 0.0 });
+        }
+    }
+
+    fn found(&self, found: Found) -> Event {
+        let names = found.bodies().map(|body| self.bodies.get(body as usize).map_or("", |name| name));
+        let [first_line, last_line] = found.lines();
+        let rows = LogRows { log: "told".to_owned(), first_line, last_line };
+        found.event(names, Cause::Log(rows))
     }
 }
 
@@ -71,16 +243,12 @@ impl Iterator for Feed {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            if let Some(found) = self.lives.pop() {
-                let names = found.bodies().map(|body| self.names.get(body as usize).map_or("", |name| name));
-                let [first_line, last_line] = found.lines();
-                let rows = LogRows { log: "told".to_owned(), first_line, last_line };
-                return Some(Ok(found.event(names, Cause::Log(rows))));
+            if self.pending.peek().is_some_and(|Reverse(next)| next.time_s <= self.known_s) {
+                return self.pending.pop().map(|Reverse(next)| Ok(next.event));
             }
-            let quiet_s = self.known_s.min(self.lives.settled_s());
-            if quiet_s > self.passed_s {
-                self.passed_s = quiet_s;
-                return Some(Ok(Event::Quiet(quiet_s)));
+            if self.known_s > self.passed_s {
+                self.passed_s = self.known_s;
+                return Some(Ok(Event::Quiet(self.known_s)));
             }
             match self.told.pop() {
                 Ok(told) => {
@@ -88,7 +256,8 @@ impl Iterator for Feed {
                         return Some(Err(fault));
                     }
                 }
-                Err(_) if self.stop.load(Acquire) => return None,
+                // What was told before it was stopped is in the ring by now.
+                Err(_) if self.stop.load(Acquire) && self.told.is_empty() => return None,
                 Err(_) => std::thread::park_timeout(NAP),
             }
         }

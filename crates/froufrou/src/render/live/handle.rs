@@ -1,17 +1,20 @@
 //! The game thread's half: what happens, told as it happens.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Release;
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 use rtrb::Producer;
 
 use super::counters::{Counters, Statistics};
-use super::feed::Told;
+use super::feed::{Delays, Faults};
+use super::told::Told;
+use crate::motion::lives::Touch;
 use crate::scene::contact_log::{ContactRow, Push};
-use crate::scene::fed::FedPose;
+use crate::scene::fed::{Faces, FedPose};
 use crate::score::LATEST_S;
 use crate::{Error, Result};
 
@@ -19,9 +22,20 @@ use crate::{Error, Result};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct BodyId(pub(super) u32);
 
-/// An object of the scene, or its listener, that is moved by a handle.
+/// Something that is moved by a handle: an object of the scene, its listener, or what appeared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct MoverId(pub(super) usize);
+pub struct MoverId {
+    slot: u32,
+    /// What had the slot before is not meant.
+    generation: u32,
+}
+
+impl MoverId {
+    /// What is there from the beginning.
+    pub(super) fn first(slot: usize) -> Self {
+        Self { slot: slot as u32, generation: 0 }
+    }
+}
 
 /// Why something that was told is left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -35,9 +49,12 @@ pub enum Refused {
     /// There is no room: more is told than the worker takes.
     #[error("there is no room for it: more is told than is taken")]
     Full,
-    /// There is no such body.
-    #[error("there is no body of this number")]
+    /// There is no such body, object or material.
+    #[error("there is no such body, object or material")]
     Unknown,
+    /// It is far ahead of what is known: time has to be told to advance first.
+    #[error("it is more than a second ahead of the time that was told last")]
+    Ahead,
 }
 
 /// How much was left out, and why.
@@ -49,12 +66,18 @@ pub struct Left {
     pub earlier: u64,
     /// What there was no room for.
     pub full: u64,
-    /// Bodies that there are not.
+    /// Bodies, objects and materials that there are not.
     pub unknown: u64,
+    /// What was far ahead.
+    pub ahead: u64,
 }
 
-/// Through this an engine is told contacts, as rows of a log have them, and the poses of what moves. No call waits for the
-/// worker or the audio thread. When it is dropped the worker ends, and what sounds fades.
+/// Through this an engine is told what happens: contacts, as rows of a log have them, poses and meshes of what moves, what
+/// appears and vanishes, and what becomes of another material. No call waits for the worker or the audio thread. When it is
+/// dropped the worker ends, and what sounds fades.
+///
+/// Times are those of the game, in seconds. What is told comes in order of time, and is known to be complete up to a time by
+/// [`Handle::advance`].
 ///
 /// ```no_run
 /// use froufrou::render::live::{self, EngineSettings};
@@ -82,22 +105,103 @@ pub struct Left {
 /// ```
 pub struct Handle {
     pub(super) told: Producer<Told>,
-    pub(super) bodies: BTreeMap<String, BodyId>,
-    pub(super) movers: BTreeMap<String, MoverId>,
+    /// Whether it waits where there is no room, for what is not live.
+    pub(super) waits: bool,
+    pub(super) bodies: Bodies,
+    pub(super) movers: Movers,
     pub(super) listener: Option<MoverId>,
-    /// Nothing may be told that is earlier.
-    pub(super) known_s: f64,
+    /// The names of the objects of the scene and of its materials.
+    pub(super) objects: BTreeSet<String>,
+    pub(super) materials: BTreeSet<String>,
+    /// Nothing may be told that is not later.
+    pub(super) known_s: Option<f64>,
     pub(super) contact_s: f64,
+    /// So much of the game's time was left out: see [`Handle::advance`].
+    pub(super) skipped_s: f64,
     /// A time that there was no room for.
     pub(super) owed_s: Option<f64>,
     pub(super) rows: u64,
     pub(super) left: Left,
     pub(super) stop: Arc<AtomicBool>,
-    pub(super) fault: Arc<std::sync::Mutex<Option<Error>>>,
+    pub(super) faults: Faults,
     pub(super) worker: Option<JoinHandle<()>>,
     pub(super) counters: Arc<Counters>,
-    pub(super) latency_s: f64,
+    pub(super) latency: Latency,
 }
+
+/// How long it takes from what is told until it is due at the device, in seconds, if time is told as it passes; beside the
+/// way through the air.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Latency {
+    /// All that sounds: what is told at a time is due so much later.
+    pub all_s: f64,
+    /// What of that is [`EngineSettings::ahead_s`](super::EngineSettings::ahead_s): the time between two calls of
+    /// [`Handle::advance`] passes in it.
+    pub ahead_s: f64,
+    /// So much later than that is what has to be looked at for longer, and is heard later for it.
+    pub delays: Delays,
+}
+
+/// The bodies that contacts name.
+#[derive(Default)]
+pub(super) struct Bodies {
+    numbers: BTreeMap<String, BodyId>,
+    /// The name of each number; none where it may be given away again.
+    names: Vec<Option<String>>,
+    free: VecDeque<u32>,
+}
+
+/// What is moved.
+#[derive(Default)]
+pub(super) struct Movers {
+    names: BTreeMap<String, MoverId>,
+    /// Of each slot, which generation has it.
+    generations: Vec<u32>,
+    free: VecDeque<u32>,
+}
+
+impl Movers {
+    /// What is there from the beginning, in the order of its slots; a listener has a slot and no name.
+    pub fn new(names: BTreeMap<String, MoverId>, slots: usize) -> Self {
+        Self { names, generations: vec![0; slots], free: VecDeque::new() }
+    }
+
+    fn is_there(&self, id: MoverId) -> bool {
+        self.generations.get(id.slot as usize) == Some(&id.generation)
+    }
+
+    fn take(&mut self) -> Option<MoverId> {
+        let slot = match self.free.pop_front() {
+            Some(slot) => slot,
+            None if self.generations.len() < MOST_MOVERS => {
+                self.generations.push(0);
+                self.generations.len() as u32 - 1
+            }
+            None => return None,
+        };
+        Some(MoverId { slot, generation: self.generations[slot as usize] })
+    }
+
+    fn leave(&mut self, id: MoverId) {
+        if let Some(generation) = self.generations.get_mut(id.slot as usize) {
+            *generation = generation.wrapping_add(1);
+            self.free.push_back(id.slot);
+        }
+    }
+}
+
+/// So much may be moved at once.
+const MOST_MOVERS: usize = 1 << 16;
+
+/// A number of a body is given away again once so many others wait for that: by then nobody remembers the contacts of who had
+/// it.
+const RESTING: usize = 256;
+
+/// What is told is no further ahead of what is known, in seconds, and time goes no further at once.
+const FARTHEST_AHEAD_S: f64 = 1.0;
+
+/// Where there is no room, who waits looks again after so long.
+const NAP: Duration = Duration::from_micros(200);
 
 /// So many bodies may have names.
 const MOST_BODIES: usize = 1 << 20;
@@ -108,21 +212,29 @@ impl Handle {
     /// # Errors
     /// More bodies than can be, or no room.
     pub fn body(&mut self, name: &str) -> Result<BodyId, Refused> {
-        if let Some(body) = self.bodies.get(name) {
+        if let Some(body) = self.bodies.numbers.get(name) {
             return Ok(*body);
         }
-        if self.bodies.len() >= MOST_BODIES {
-            return self.leave(Refused::Unknown);
+        let is_rested = self.bodies.free.len() > RESTING;
+        let number = match self.bodies.free.front().filter(|_| is_rested) {
+            Some(&number) => number,
+            None if self.bodies.names.len() >= MOST_BODIES => return self.leave(Refused::Unknown),
+            None => self.bodies.names.len() as u32,
+        };
+        self.tell(Told::Body(number, name.into()))?;
+        if is_rested {
+            self.bodies.free.pop_front();
+        } else {
+            self.bodies.names.push(None);
         }
-        let body = BodyId(self.bodies.len() as u32);
-        self.tell(Told::Body(name.into()))?;
-        self.bodies.insert(name.to_owned(), body);
-        Ok(body)
+        self.bodies.names[number as usize] = Some(name.to_owned());
+        self.bodies.numbers.insert(name.to_owned(), BodyId(number));
+        Ok(BodyId(number))
     }
 
-    /// The object of a name, where the engine was started with it as one that moves.
+    /// The object of a name that can be moved: one that the engine was started with as one that moves, or one that appeared.
     pub fn object(&self, name: &str) -> Option<MoverId> {
-        self.movers.get(name).copied()
+        self.movers.names.get(name).copied()
     }
 
     /// Tells of a contact of two bodies in a step of a simulation, in order of time: the numbers of the row are those of
@@ -130,25 +242,46 @@ impl Handle {
     ///
     /// # Errors
     /// What is told is left out, and counted.
-    pub fn contact(&mut self, [a, b]: [BodyId; 2], row: &ContactRow) -> Result<(), Refused> {
+    pub fn contact(&mut self, bodies: [BodyId; 2], row: &ContactRow) -> Result<(), Refused> {
+        self.touch(bodies, &Touch::from(row.clone()))
+    }
+
+    /// The same, with what is known of how the bodies move: so what rolls is told apart from what slides, and where on both they
+    /// touch. A time within the step lets an impact be where it belongs.
+    ///
+    /// # Errors
+    /// What is told is left out, and counted.
+    pub fn touch(&mut self, [a, b]: [BodyId; 2], touch: &Touch) -> Result<(), Refused> {
+        let Touch { row, states, at_s } = touch;
         let (Push::Force(push) | Push::Impulse(push)) = row.push;
         let named = [("time_s", row.time_s), ("push", push)].into_iter();
         let named = named.chain(row.position_m.map(|c| ("position_m", c)));
         let named = named.chain(row.normal.into_iter().flatten().map(|c| ("normal", c)));
         let named = named.chain(row.normal_velocity_mps.map(|v| ("normal_velocity_mps", v)));
-        let mut named = named.chain(row.sliding_mps.map(|v| ("sliding_mps", v)));
-        if let Some((name, _)) = named.find(|(_, number)| number.abs() > FARTHEST || number.is_nan()) {
-            return self.leave(Refused::NotFinite(name));
+        let named = named.chain(row.sliding_mps.map(|v| ("sliding_mps", v)));
+        let named = named.chain(at_s.map(|at_s| ("at_s", at_s)));
+        let moving = states.iter().flatten().flat_map(|state| {
+            let place = state.position_m.map(|c| ("position_m", c)).into_iter();
+            let place = place.chain(state.rotation.map(|c| ("rotation", c)));
+            let place = place.chain(state.velocity_mps.map(|c| ("velocity_mps", c)));
+            place.chain(state.angular_velocity_rps.map(|c| ("angular_velocity_rps", c)))
+        });
+        self.check(named.chain(moving))?;
+        let turns = states.iter().flatten().map(|state| state.rotation.iter().map(|c| c * c).sum::<f64>());
+        if turns.into_iter().any(|square| (square - 1.0).abs() > MOST_STRETCHED) {
+            return self.leave(Refused::NotFinite("rotation"));
         }
-        if !(0.0..=LATEST_S).contains(&row.time_s) || row.time_s < self.known_s.max(self.contact_s) {
+        let time_s = self.time(row.time_s)?;
+        if time_s < self.contact_s {
             return self.leave(Refused::Earlier);
         }
-        if [a, b].iter().any(|body| body.0 as usize >= self.bodies.len()) {
+        let is_there = |body: &BodyId| matches!(self.bodies.names.get(body.0 as usize), Some(Some(_)));
+        if ![a, b].iter().all(is_there) {
             return self.leave(Refused::Unknown);
         }
-        let row = ContactRow { a: a.0, b: b.0, line: self.rows + 1, ..row.clone() };
-        let time_s = row.time_s;
-        self.tell(Told::Contact(row))?;
+        let row = ContactRow { a: a.0, b: b.0, line: self.rows + 1, time_s, ..row.clone() };
+        let at_s = at_s.map(|at_s| at_s - self.skipped_s);
+        self.tell(Told::Contact(Box::new(Touch { row, at_s, ..touch.clone() })))?;
         (self.contact_s, self.rows) = (time_s, self.rows + 1);
         Ok(())
     }
@@ -158,18 +291,12 @@ impl Handle {
     /// # Errors
     /// What is told is left out, and counted.
     pub fn transform(&mut self, object: MoverId, time_s: f64, pose: FedPose) -> Result<(), Refused> {
-        let numbers = [("time_s", time_s)].into_iter().chain(pose.position_m.map(|c| ("position_m", c)));
-        let mut numbers = numbers.chain(pose.rotation.map(|c| ("rotation", c)));
-        if let Some((name, _)) = numbers.find(|(_, number)| number.abs() > FARTHEST || number.is_nan()) {
-            return self.leave(Refused::NotFinite(name));
+        self.check_pose(time_s, &pose)?;
+        let time_s = self.time(time_s)?;
+        if !self.movers.is_there(object) {
+            return self.leave(Refused::Unknown);
         }
-        if pose.rotation.iter().map(|c| c * c).sum::<f64>() < 1e-12 {
-            return self.leave(Refused::NotFinite("rotation"));
-        }
-        if !(0.0..=LATEST_S).contains(&time_s) || time_s < self.known_s {
-            return self.leave(Refused::Earlier);
-        }
-        self.tell(Told::Pose(object, time_s, pose))
+        self.tell(Told::Pose { slot: object.slot, time_s, pose })
     }
 
     /// Tells where the listener is, where the engine was started with one that moves.
@@ -183,8 +310,123 @@ impl Handle {
         }
     }
 
-    /// Says that all that happens before a time has been told, which is not before that of the last contact. What was not
-    /// told to move since has stood still.
+    /// Tells where the vertices of an object are at a time, in the world and in metres: one of the
+    /// [`EngineSettings::meshes`](super::EngineSettings::meshes), or what appeared as an object with a mesh. Its faces are those of
+    /// that mesh, or those that were told last.
+    ///
+    /// # Errors
+    /// What is told is left out, and counted. Vertices that the faces are not of are a fault: see [`Handle::take_fault`].
+    pub fn mesh(&mut self, object: MoverId, time_s: f64, positions_m: &[[f32; 3]]) -> Result<(), Refused> {
+        self.mesh_of(object, time_s, positions_m, None)
+    }
+
+    /// The same with faces: of a mesh that the scene does not know, or that has become another.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn mesh_with_faces(
+        &mut self,
+        object: MoverId,
+        time_s: f64,
+        positions_m: &[[f32; 3]],
+        faces: Arc<Faces>,
+    ) -> Result<(), Refused> {
+        self.mesh_of(object, time_s, positions_m, Some(faces))
+    }
+
+    fn mesh_of(
+        &mut self,
+        object: MoverId,
+        time_s: f64,
+        positions_m: &[[f32; 3]],
+        faces: Option<Arc<Faces>>,
+    ) -> Result<(), Refused> {
+        self.check([("time_s", time_s)].into_iter())?;
+        if !positions_m.as_flattened().iter().all(|c| f64::from(c.abs()) <= FARTHEST) {
+            return self.leave(Refused::NotFinite("positions_m"));
+        }
+        let time_s = self.time(time_s)?;
+        if !self.movers.is_there(object) {
+            return self.leave(Refused::Unknown);
+        }
+        self.tell(Told::Mesh { slot: object.slot, time_s, positions: positions_m.into(), faces })
+    }
+
+    /// Something appears that is as an object of the scene, its kind: it has its sounds, which begin now, its material and its
+    /// mesh, where that has one, and contacts may name it as a body. It stands where it appears until it is told to move. What
+    /// has that name already is there no more, but for an object of the scene that vanished.
+    ///
+    /// # Errors
+    /// What is told is left out, and counted; a kind that there is not; more than can be.
+    pub fn appear(&mut self, kind: &str, name: &str, time_s: f64, pose: FedPose) -> Result<MoverId, Refused> {
+        self.check_pose(time_s, &pose)?;
+        let at_s = self.time(time_s)?;
+        if !self.objects.contains(kind) {
+            return self.leave(Refused::Unknown);
+        }
+        if self.movers.names.contains_key(name) || self.objects.contains(name) {
+            self.vanish_mover(name, at_s)?;
+        }
+        let Some(id) = self.movers.take() else { return self.leave(Refused::Full) };
+        let told = Told::Appear { slot: id.slot, name: name.into(), kind: kind.into(), time_s: at_s, pose };
+        if let Err(refused) = self.tell(told) {
+            self.movers.free.push_front(id.slot);
+            return Err(refused);
+        }
+        self.movers.names.insert(name.to_owned(), id);
+        Ok(id)
+    }
+
+    /// What appeared, or an object of the scene, is no more: what it sounds like fades within a hundredth of a second. A body of
+    /// that name is none any more.
+    ///
+    /// # Errors
+    /// What is told is left out, and counted.
+    pub fn vanish(&mut self, name: &str, time_s: f64) -> Result<(), Refused> {
+        self.check([("time_s", time_s)].into_iter())?;
+        let time_s = self.time(time_s)?;
+        let body = self.bodies.numbers.get(name).copied();
+        if !self.movers.names.contains_key(name) && body.is_none() && !self.objects.contains(name) {
+            return self.leave(Refused::Unknown);
+        }
+        self.vanish_mover(name, time_s)?;
+        if let Some(body) = body {
+            self.bodies.numbers.remove(name);
+            self.bodies.names[body.0 as usize] = None;
+            self.bodies.free.push_back(body.0);
+        }
+        Ok(())
+    }
+
+    fn vanish_mover(&mut self, name: &str, time_s: f64) -> Result<(), Refused> {
+        let id = self.movers.names.get(name).copied();
+        self.tell(Told::Vanish { slot: id.map(|id| id.slot), name: name.into(), time_s })?;
+        if let Some(id) = id {
+            self.movers.names.remove(name);
+            self.movers.leave(id);
+        }
+        Ok(())
+    }
+
+    /// Something becomes of another material of the scene: an object, what appeared, or a body that contacts name.
+    ///
+    /// # Errors
+    /// What is told is left out, and counted; a material that there is not.
+    pub fn material(&mut self, name: &str, material: &str, time_s: f64) -> Result<(), Refused> {
+        self.check([("time_s", time_s)].into_iter())?;
+        let time_s = self.time(time_s)?;
+        let is_there = self.objects.contains(name)
+            || self.movers.names.contains_key(name)
+            || self.bodies.numbers.contains_key(name);
+        if !is_there || !self.materials.contains(material) {
+            return self.leave(Refused::Unknown);
+        }
+        self.tell(Told::Material { name: name.into(), material: material.into(), time_s })
+    }
+
+    /// Says that all that happens up to a time has been told, which is not before that of the last contact. What was not
+    /// told to move since has stood still. Where time leaps ahead by more than a second, what is more than that is left out: to
+    /// the ear it is a second.
     ///
     /// # Errors
     /// A time that is earlier than before, or is none. Where there is no room it is said again with the next.
@@ -192,38 +434,90 @@ impl Handle {
         if !time_s.is_finite() {
             return self.leave(Refused::NotFinite("time_s"));
         }
-        if !(0.0..=LATEST_S).contains(&time_s) || time_s < self.known_s.max(self.contact_s) {
+        if let Some(known_s) = self.known_s {
+            self.skipped_s += (time_s - self.skipped_s - known_s - FARTHEST_AHEAD_S).max(0.0);
+        }
+        let time_s = time_s - self.skipped_s;
+        let least_s = self.known_s.unwrap_or(0.0).max(self.contact_s);
+        if !(0.0..=LATEST_S).contains(&time_s) || time_s < least_s {
             return self.leave(Refused::Earlier);
         }
-        self.known_s = time_s;
+        self.known_s = Some(time_s);
         self.owed_s = Some(time_s);
-        if self.told.push(Told::Advance(time_s)).is_ok() {
-            self.owed_s = None;
-        }
+        self.settle_debt();
         if let Some(worker) = &self.worker {
             worker.thread().unpark();
         }
         Ok(())
     }
 
-    fn tell(&mut self, told: Told) -> Result<(), Refused> {
+    /// Tells the time that there was no room for; false where there is still none.
+    fn settle_debt(&mut self) -> bool {
         if let Some(time_s) = self.owed_s
-            && self.told.push(Told::Advance(time_s)).is_ok()
+            && self.push(Told::Advance(time_s)).is_ok()
         {
             self.owed_s = None;
         }
-        if self.owed_s.is_some() || self.told.push(told).is_err() {
+        self.owed_s.is_none()
+    }
+
+    fn push(&mut self, told: Told) -> Result<(), ()> {
+        let mut told = told;
+        loop {
+            match self.told.push(told) {
+                Ok(()) => return Ok(()),
+                Err(rtrb::PushError::Full(back)) if self.waits && !self.told.is_abandoned() => {
+                    std::thread::sleep(NAP);
+                    told = back;
+                }
+                Err(_) => return Err(()),
+            }
+        }
+    }
+
+    fn tell(&mut self, told: Told) -> Result<(), Refused> {
+        if !self.settle_debt() || self.push(told).is_err() {
             return self.leave(Refused::Full);
         }
         Ok(())
     }
 
-    fn leave<T>(&mut self, why: Refused) -> Result<T, Refused> {
+    /// Refuses numbers that are none.
+    fn check(&mut self, mut named: impl Iterator<Item = (&'static str, f64)>) -> Result<(), Refused> {
+        match named.find(|(_, number)| number.abs() > FARTHEST || number.is_nan()) {
+            Some((name, _)) => self.leave(Refused::NotFinite(name)),
+            None => Ok(()),
+        }
+    }
+
+    fn check_pose(&mut self, time_s: f64, pose: &FedPose) -> Result<(), Refused> {
+        let numbers = [("time_s", time_s)].into_iter().chain(pose.position_m.map(|c| ("position_m", c)));
+        self.check(numbers.chain(pose.rotation.map(|c| ("rotation", c))))?;
+        if pose.rotation.iter().map(|c| c * c).sum::<f64>() < 1e-12 {
+            return self.leave(Refused::NotFinite("rotation"));
+        }
+        Ok(())
+    }
+
+    /// The engine's time of one that is told, where it may be told.
+    fn time(&mut self, time_s: f64) -> Result<f64, Refused> {
+        let time_s = time_s - self.skipped_s;
+        if !(0.0..=LATEST_S).contains(&time_s) || self.known_s.is_some_and(|known_s| time_s <= known_s) {
+            return self.leave(Refused::Earlier);
+        }
+        if self.known_s.is_some_and(|known_s| time_s > known_s + FARTHEST_AHEAD_S) {
+            return self.leave(Refused::Ahead);
+        }
+        Ok(time_s)
+    }
+
+    pub(super) fn leave<T>(&mut self, why: Refused) -> Result<T, Refused> {
         match why {
             Refused::NotFinite(_) => self.left.not_finite += 1,
             Refused::Earlier => self.left.earlier += 1,
             Refused::Full => self.left.full += 1,
             Refused::Unknown => self.left.unknown += 1,
+            Refused::Ahead => self.left.ahead += 1,
         }
         Err(why)
     }
@@ -238,11 +532,9 @@ impl Handle {
         self.counters.statistics()
     }
 
-    /// How long it takes at most, beside the way through the air, from a time that is told until it is due at the device, if
-    /// time is told as it passes. Where the listener moves, the way through the air of what is farthest comes on top, for all that
-    /// sounds: where it will be when that arrives must be known first.
-    pub fn latency_s(&self) -> f64 {
-        self.latency_s
+    /// How long it takes from what is told until it is due at the device.
+    pub fn latency(&self) -> Latency {
+        self.latency
     }
 
     /// Whether the worker goes on. Where it does not, [`Handle::take_fault`] may say why.
@@ -250,10 +542,10 @@ impl Handle {
         self.worker.as_ref().is_some_and(|worker| !worker.is_finished())
     }
 
-    /// What went wrong in the worker, if something did; it is told once. A synthesised sound that fails falls silent; all else
-    /// ends the worker.
+    /// What went wrong in the worker, if something did; it is told once. A synthesised sound that fails falls silent, and a mesh
+    /// that is none is left out; all else ends the worker.
     pub fn take_fault(&mut self) -> Option<Error> {
-        self.fault.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take()
+        self.faults.take()
     }
 }
 
@@ -267,6 +559,9 @@ impl Drop for Handle {
         }
     }
 }
+
+/// The square of the length of a body's rotation is no further from 1.
+const MOST_STRETCHED: f64 = 0.01;
 
 /// No number that is told may be further from 0.
 const FARTHEST: f64 = 1e12;

@@ -95,16 +95,19 @@ mod counters;
 mod engine;
 mod feed;
 mod handle;
+mod meshes;
 mod player;
 mod supply;
+mod told;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 
 pub use counters::Statistics;
-pub use engine::{EngineSettings, start};
-pub use handle::{BodyId, Handle, Left, MoverId, Refused};
+pub use engine::{EngineSettings, replay, start};
+pub use feed::Delays;
+pub use handle::{BodyId, Handle, Latency, Left, MoverId, Refused};
 pub use player::Player;
 pub use supply::Supply;
 
@@ -127,6 +130,9 @@ pub struct Settings {
     pub slice_frames: usize,
     /// Where so much more than that is there to be played, some is left out.
     pub slack_s: f64,
+    /// Whether whatever more than that is there is left out where it begins, or begins again after it was late: for what is
+    /// told as it happens, so that its latency stays the same.
+    pub catches_up: bool,
     /// Where it begins, in seconds: what sounds there of what was before is heard.
     pub from_s: f64,
     /// Where all is over, in seconds; `None`: with the score.
@@ -135,7 +141,14 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { ahead_s: 0.02, slice_frames: 128, slack_s: 0.05, from_s: 0.0, duration_s: None }
+        Self {
+            ahead_s: 0.02,
+            slice_frames: 128,
+            slack_s: 0.05,
+            catches_up: false,
+            from_s: 0.0,
+            duration_s: None,
+        }
     }
 }
 
@@ -153,7 +166,7 @@ pub fn part<L>(mut mixer: Mixer<L>, settings: Settings) -> Result<(Supply<L>, Pl
 where
     L: Iterator<Item = Result<ChannelLine>>,
 {
-    let Settings { ahead_s, slice_frames, slack_s, from_s, duration_s } = settings;
+    let Settings { ahead_s, slice_frames, slack_s, catches_up, from_s, duration_s } = settings;
     for (name, value_s) in [("ahead_s", ahead_s), ("slack_s", slack_s)] {
         if !(0.0..=LONGEST_AHEAD_S).contains(&value_s) {
             return Err(Error::new(format!("`{name}` is {value_s}, expected 0 to {LONGEST_AHEAD_S}")));
@@ -209,6 +222,7 @@ where
         slice_frames,
         slices_before,
         most_slices,
+        catches_up,
         buses: running.collect(),
         mix: vec![0.0; PIECE_FRAMES * channels],
         held_mix: vec![0.0; PIECE_FRAMES * channels],

@@ -41,6 +41,8 @@ pub struct Player {
     pub(super) slices_before: usize,
     /// Where more than so many are there, some are left out.
     pub(super) most_slices: usize,
+    /// Whether more than there have to be are left out where it begins, or begins again.
+    pub(super) catches_up: bool,
     pub(super) buses: Vec<Running>,
     /// What channels hear, [`PIECE_FRAMES`] each, and the same of what is held.
     pub(super) mix: Vec<f64>,
@@ -84,6 +86,11 @@ impl Player {
     /// By how many frames the limiter makes it all later.
     pub fn limiter_latency(&self) -> usize {
         self.limiter.latency()
+    }
+
+    /// How many frames must be there before it begins.
+    pub fn ahead_frames(&self) -> usize {
+        self.slices_before * self.slice_frames
     }
 
     /// What has happened so far.
@@ -195,10 +202,12 @@ impl Player {
                 }
             }
         } else if there >= self.slices_before || there > 0 && end != 0 {
-            if there > self.most_slices {
-                self.skip(there - self.slices_before);
+            let more = there.saturating_sub(self.slices_before);
+            let leaves_out = more > 0 && (self.catches_up || there > self.most_slices);
+            if leaves_out {
+                self.skip(more);
             }
-            self.joined = self.has_begun.then_some(0);
+            self.joined = (self.has_begun || leaves_out).then_some(0);
             self.begin();
         } else if there == 0 && end != 0 && self.frame + 1 >= end {
             self.counters.is_over.store(true, Relaxed);
@@ -210,6 +219,11 @@ impl Player {
         for _ in 0..slices {
             if let Ok(slice) = self.slices.pop() {
                 let frames = slice.frames();
+                // Who has heard nothing yet misses nothing.
+                if !self.has_begun {
+                    self.give_back(slice);
+                    continue;
+                }
                 self.counters.skipped_frames.fetch_add(frames.end - frames.start, Relaxed);
                 self.give_back(slice);
             }

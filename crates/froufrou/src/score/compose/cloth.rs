@@ -12,11 +12,12 @@ use super::going::{Does, Going};
 use super::voice::{Place, Telling};
 use super::{Composer, Due, What, from_db, palette, tidy};
 use crate::corpus::cloth::ClothSound;
-use crate::corpus::cloth::playback::Playback;
+use crate::corpus::cloth::playback::{Learning, Playback};
 use crate::motion::event::{Buckle, Event, Flap, Friction};
 use crate::random::Random;
 use crate::scene::carrier::Carrier;
 use crate::scene::file::Cloth;
+use crate::scene::world::Body;
 use crate::score::{Action, Blow, Grain, Start};
 use crate::synth::friction::voice::settings;
 use crate::synth::friction::{FrictionTable, PARTS, SpeedHistogram};
@@ -37,6 +38,8 @@ pub(super) struct Wardrobe {
     playbacks: BTreeMap<String, Playback>,
     /// How many pops a cloth has played.
     counts: BTreeMap<String, u64>,
+    /// How they are chosen where bucklings are told as they happen, by the name of the cloth and its corpus.
+    learning: BTreeMap<(String, String), Learning>,
 }
 
 /// The sound of a cloth.
@@ -78,6 +81,11 @@ impl Wardrobe {
         Ok(wardrobe)
     }
 
+    /// Forgets a cloth that is no more.
+    pub fn forget(&mut self, cloth: &str) {
+        self.learning.retain(|(name, _), _| name != cloth);
+    }
+
     /// How long before its buckle the longest pop begins, in seconds.
     pub fn longest_lead_s(&self) -> f64 {
         let pops = self.sounds.values().flat_map(|worn| worn.sound.pops());
@@ -88,14 +96,17 @@ impl Wardrobe {
 impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
     /// The cloth that something in the world is of.
     fn cloth_of(&self, name: &str) -> Option<&'s Cloth> {
-        let index = self.index_of(name)?;
-        let material = self.scene.materials.get(self.scene.objects[index].material?)?;
-        material.cloth.as_ref()
+        self.material_of(name, self.index_of(name)?)?.cloth.as_ref()
     }
 
     /// The object that something in the world belongs to.
     pub(super) fn index_of(&self, name: &str) -> Option<usize> {
-        self.world.objects.iter().position(|bodies| bodies.iter().any(|body| body.name == name))
+        if let Some(appeared) = self.presence.appeared(name) {
+            return Some(appeared.kind);
+        }
+        let there = !self.presence.is_gone(name);
+        let is_of = |bodies: &Vec<_>| bodies.iter().any(|body: &Body| body.name == name);
+        self.world.objects.iter().position(is_of).filter(|_| there)
     }
 
     /// A patch of a cloth rubs for a moment.
@@ -104,8 +115,8 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             return Ok(());
         }
         let Some(cloth) = self.cloth_of(&friction.cloth) else { return Ok(()) };
-        let material = self.index_of(&friction.other).and_then(|index| self.scene.objects[index].material);
-        let along = material.and_then(|material| Some(&self.scene.materials.get(material)?.name));
+        let other = self.index_of(&friction.other);
+        let along = other.and_then(|index| Some(&self.material_of(&friction.other, index)?.name));
         let corpus = cloth.against.iter().find(|(name, _)| Some(name) == along);
         let name = self.sound_of(corpus.map_or(&cloth.corpus, |(_, corpus)| corpus))?;
         let Some((table, area_m2)) = self.wardrobe.sounds.get(&name).and_then(|worn| worn.friction.clone())
@@ -137,16 +148,29 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             return Ok(());
         }
         let Some(cloth) = self.cloth_of(&buckle.cloth) else { return Ok(()) };
-        let Some(playback) = self.wardrobe.playbacks.get(&buckle.cloth) else { return Ok(()) };
-        let count = self.wardrobe.counts.entry(buckle.cloth.clone()).or_default();
-        let chosen = playback.choose(*count, buckle.time_s, buckle.energy_mps);
-        *count += 1;
         let name = self.sound_of(&cloth.corpus)?;
-        let Some(worn) = self.wardrobe.sounds.get(&name) else { return Ok(()) };
+        let Wardrobe { sounds, playbacks, counts, learning } = &mut self.wardrobe;
+        let Some(worn) = sounds.get(&name) else { return Ok(()) };
+        let chosen = match playbacks.get(&buckle.cloth) {
+            Some(playback) => {
+                let count = counts.entry(buckle.cloth.clone()).or_default();
+                *count += 1;
+                playback.choose(*count - 1, buckle.time_s, buckle.energy_mps)
+            }
+            None if self.pulses && !worn.sound.pops().is_empty() => {
+                let number = learning.len() as u64;
+                let learning = learning.entry((buckle.cloth.clone(), name.clone())).or_insert_with(|| {
+                    let pops: Vec<f64> = worn.sound.pops().iter().map(|pop| pop.energy).collect();
+                    Learning::new(&pops, cloth.jitter_s, Random::new(self.scene.seed ^ POPS, number))
+                });
+                learning.choose(buckle.time_s, buckle.energy_mps)?
+            }
+            None => return Ok(()),
+        };
         let Some(pop) = worn.sound.pops().get(chosen.pop) else { return Ok(()) };
-        let begin_s = (chosen.time_s - pop.lead_s).max(0.0);
-        let end_s = begin_s + pop.length_s;
         let now_s = (buckle.time_s - self.foresight_s).max(0.0);
+        let begin_s = (chosen.time_s - pop.lead_s).max(now_s);
+        let end_s = begin_s + pop.length_s;
         let Buckle { energy_mps, vertices, cause, .. } = buckle;
         let going = Going::new(&buckle.cloth, buckle.patch, Does::Pop);
         let id = self.thread(going, now_s, buckle.patch_m, || Start {

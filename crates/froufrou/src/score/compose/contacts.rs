@@ -52,6 +52,12 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
     /// The object that a body is, which is one or none: logs have names of their own, what is told by motion alone
     /// has those of the world.
     fn object_of(&self, body: &str, cause: &Cause) -> Option<usize> {
+        if let Some(appeared) = self.presence.appeared(body) {
+            return Some(appeared.kind);
+        }
+        if self.presence.is_gone(body) {
+            return None;
+        }
         let of_log = || self.scene.objects.iter().position(|object| object.body.matches(body));
         let of_world =
             || self.world.objects.iter().position(|bodies| bodies.iter().any(|other| other.name == body));
@@ -63,10 +69,9 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
 
     /// Both bodies in contact, with their materials, where they have them.
     fn sides<'r>(&self, a: &'r str, b: &'r str, cause: &Cause) -> Vec<(Side<'r>, &'s Material)> {
-        let scene = self.scene;
         let side = |(body, other): (&'r str, &'r str)| {
             let index = self.object_of(body, cause)?;
-            let material = scene.materials.get(scene.objects[index].material?)?;
+            let material = self.material_of(body, index)?;
             Some((Side { body, other, index }, material))
         };
         [(a, b), (b, a)].into_iter().filter_map(side).collect()
@@ -111,6 +116,9 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         position_m: [f64; 3],
         time_s: f64,
     ) -> Result<(Carrier, String)> {
+        if let Some(carrier) = self.carrier_of(body) {
+            return Ok((carrier.holding(position_m, time_s)?, body.to_owned()));
+        }
         let bodies = &self.world.objects[index];
         let named = body_named(bodies, &self.scene.objects[index].name, body).or(bodies.first());
         let carrier = match named.and_then(|b| b.carrier.as_ref()) {
@@ -160,6 +168,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             time_s,
             Voice {
                 start: Some(start),
+                of: body.to_owned(),
                 place: Place::Carrier(carrier),
                 turns: false,
                 gain: vec![(time_s, gain)],
@@ -240,7 +249,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         let (_, object) = self.carried(index, body, rub.position_m, time_s)?;
         let cause = format!("{body} {} along {other}, {}", verb(how), rub.cause);
         let start = Start { object, cause, ..Start::new(sound) };
-        let voice = Voice::at(start, rub.position_m, time_s);
+        let voice = Voice { of: body.to_owned(), ..Voice::at(start, rub.position_m, time_s) };
         let voices = &self.voices;
         self.rubbing.retain(|_, id| voices.contains_key(id));
         self.streams.retain(|id, _| voices.contains_key(id));
@@ -261,12 +270,26 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
     ) {
         let told: Vec<Telling> = told.into_iter().map(Telling::from).collect();
         let end_s = time_s + RUB_GAP_S + lasts_s;
+        let (pulses, beat_s) = (self.pulses, self.beat_s);
         let Some(voice) = self.voices.get_mut(&id) else { return };
-        voice.place = Place::Carrier(place);
         // It dies away where it is told nothing more.
-        voice.gain = vec![(time_s, gain), (end_s, 0.0)];
-        // No key comes before more is told: it would stand where it is, and die away.
-        voice.beat_s = 1.5 * lasts_s;
+        if pulses {
+            // Nobody knows what comes next: until then it goes evenly to where it is told to be.
+            let reached_s = time_s + lasts_s;
+            let before = if voice.start.is_some() { 0.0 } else { voice.gain_at(time_s) };
+            voice.gain = vec![(time_s, before), (reached_s, gain), (end_s, 0.0)];
+            voice.place = match &voice.place {
+                Place::Carrier(before) if voice.start.is_none() => {
+                    Place::Carrier(before.passing_to(&place, [time_s, reached_s], beat_s))
+                }
+                _ => Place::Carrier(place),
+            };
+        } else {
+            voice.gain = vec![(time_s, gain), (end_s, 0.0)];
+            voice.place = Place::Carrier(place);
+            // No key comes before more is told: it would stand where it is, and die away.
+            voice.beat_s = 1.5 * lasts_s;
+        }
         voice.end_s = end_s;
         // Two logs may tell of one pair at one time.
         if voice.start.is_some() || voice.passed_s < time_s {

@@ -82,7 +82,7 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
         let gain = from_db(sound.gain_db) * level * sound.reference_distance_m;
         // What comes before the onset begins before the impact, where there is time.
         let lead_s = (-first.time_s).max(0.0);
-        let begin_s = (impact.time_s - lead_s.min(LONGEST_LEAD_S)).max(0.0);
+        let begin_s = (impact.time_s - lead_s.min(LONGEST_LEAD_S.min(self.foresight_s))).max(0.0);
         let onset_s = begin_s + lead_s;
         let dictionary = repertoire.dictionary();
         let (rate_hz, grains) = (f64::from(dictionary.rate_hz()), dictionary.grains());
@@ -99,6 +99,7 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
         let cues = plays.iter().map(|play| (onset_s + play.time_s, Action::Grain(play.grain)).into());
         let voice = Voice {
             start: Some(start),
+            of: body.to_owned(),
             place: Place::Carrier(carrier),
             turns: false,
             gain: vec![(begin_s, gain)],

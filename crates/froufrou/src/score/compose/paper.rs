@@ -76,6 +76,11 @@ impl Papers {
         Self { sounds: composer.facts.iter().filter_map(paper).collect(), ..Self::default() }
     }
 
+    /// Forgets a sheet that is no more.
+    pub fn forget(&mut self, sheet: &str) {
+        self.played.remove(sheet);
+    }
+
     /// How long before its crumpling the longest clip begins, in seconds.
     pub fn longest_lead_s(&self) -> f64 {
         let clips = self.sounds.values().flat_map(|sound| sound.clips());
@@ -102,9 +107,7 @@ fn facing(position_m: [f64; 3], normal: [f64; 3]) -> Carrier {
 impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
     /// The paper that something in the world is of.
     pub(super) fn paper_of(&self, name: &str) -> Option<&'s Paper> {
-        let index = self.index_of(name)?;
-        let material = self.scene.materials.get(self.scene.objects[index].material?)?;
-        material.paper.as_ref()
+        self.material_of(name, self.index_of(name)?)?.paper.as_ref()
     }
 
     /// A sheet crumples: a clip for each resonator.
@@ -128,7 +131,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             };
             (*count, *last) = (*count + 1, Some(clip));
             let Some(entry) = sound.clips().get(clip) else { continue };
-            let begin_s = (buckle.time_s - entry.lead_s).max(0.0);
+            let begin_s = (buckle.time_s - entry.lead_s.min(self.foresight_s)).max(0.0);
             let cause = format!(
                 "{} crumples, {:.4} m/s over {} vertices, {} of {:.1} cm with {:.1} cm of free border: clip {clip}, {}",
                 buckle.cloth,
@@ -163,8 +166,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         let mut gathered: BTreeMap<String, Gathered> = BTreeMap::new();
         for friction in frictions {
             let index = self.index_of(&friction.other);
-            let material = index.and_then(|index| self.scene.objects[index].material);
-            let along = material.and_then(|material| Some(&self.scene.materials.get(material)?.name));
+            let along = index.and_then(|index| Some(&self.material_of(&friction.other, index)?.name));
             let corpus = paper.against.iter().find(|(name, _)| Some(name) == along);
             let name = self.sheet_of(paper, corpus.map_or(&paper.corpus, |(_, corpus)| corpus))?;
             let Some(sound) = self.papers.sounds.get(&name) else { continue };
@@ -253,6 +255,9 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
     /// A number of a sheet among all, for the addresses of random numbers.
     fn sheet_number(&self, name: &str) -> u64 {
         let Some(object) = self.index_of(name) else { return 0 };
+        if let Some(appeared) = self.presence.appeared(name) {
+            return ((object as u64) << 32) + (1 << 31) + appeared.number;
+        }
         let body = self.world.objects[object].iter().position(|body| body.name == name);
         ((object as u64) << 32) + body.unwrap_or_default() as u64
     }

@@ -12,6 +12,8 @@ use crate::scene::wind::WindField;
 pub(super) struct Voice {
     /// What it starts with, until it has.
     pub start: Option<Start>,
+    /// What it is of: the name of an object or a body, with which it vanishes.
+    pub of: String,
     pub place: Place,
     /// Whether it says how it is turned.
     pub turns: bool,
@@ -66,6 +68,7 @@ impl Voice {
         Self {
             // What radiates by a pattern says how it is turned.
             turns: !start.pattern.is_empty(),
+            of: start.object.clone(),
             start: Some(start),
             place: Place::Carrier(Carrier::still(position_m)),
             gain: Vec::new(),

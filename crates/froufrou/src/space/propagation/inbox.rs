@@ -8,11 +8,15 @@ use super::ear::Ear;
 use crate::score::{
     Cue, LATEST_S, LONGEST_DELAY_S, ObjectLine, Placement, Pose, Statement, Verb, Whereabouts,
 };
+use crate::synth::path::Foresight;
 use crate::{Error, Result};
 
 /// A source that covers more than this part of the speed of sound between two keys has jumped: no
 /// pitch could follow it.
 const JUMP_SPEED: f64 = 0.5;
+
+/// What is told as it happens is under way for no longer, in seconds: all of its way has to be remembered so long.
+const LONGEST_TOLD_S: f64 = 10.0;
 
 /// Nothing is further from the origin than this in any direction, in metres; a double tells a tenth
 /// of a metre apart there.
@@ -29,6 +33,8 @@ pub(super) struct Inbox<L> {
     /// What the threads are told, until its time has come.
     pub(super) cues: BTreeMap<u64, VecDeque<Cue>>,
     pub(super) begun: Vec<(f64, u64, Due)>,
+    /// What it may read of what comes later.
+    pub(super) foresight: Foresight,
 }
 
 /// What a thread has still to do.
@@ -140,10 +146,11 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Inbox<L> {
 
     /// The same, and how fast it turns, in radians a second or a little more.
     pub(super) fn motion(&mut self, ear: usize, take: usize, time_s: f64) -> Result<(Pose, [f64; 3], f64)> {
+        let goes_on = self.foresight == Foresight::None;
         loop {
-            if let Some(track) = self.ears[ear].take(take).filter(|track| track.is_known(time_s)) {
-                let ([x, y, z, fx, fy, fz, ux, uy, uz], [vx, vy, vz, fvx, fvy, fvz, uvx, uvy, uvz]) =
-                    track.at(time_s);
+            if let Some(track) = self.ears[ear].take(take).filter(|track| goes_on || track.is_known(time_s)) {
+                let at = if goes_on { track.going_on(time_s) } else { track.at(time_s) };
+                let ([x, y, z, fx, fy, fz, ux, uy, uz], [vx, vy, vz, fvx, fvy, fvz, uvx, uvy, uvz]) = at;
                 let pose = Pose { position_m: [x, y, z], facing: [fx, fy, fz], up: [ux, uy, uz] };
                 let turning = |value: [f64; 3], rate: [f64; 3]| match length(value) {
                     long if long > 0.0 => length(rate) / long,
@@ -162,7 +169,11 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Inbox<L> {
     /// How long sound takes for a distance. What is very far is heard no later than what is far:
     /// where a microphone will be then would have to be known, and it is next to silent.
     pub(super) fn delay_s(&self, distance_m: f64) -> f64 {
-        (distance_m / self.speed_of_sound_mps).min(LONGEST_DELAY_S)
+        let longest_s = match self.foresight {
+            Foresight::NextKey => LONGEST_DELAY_S,
+            Foresight::None => LONGEST_TOLD_S,
+        };
+        (distance_m / self.speed_of_sound_mps).min(longest_s)
     }
 
     /// When what leaves a place now arrives at a microphone: |s − m(a)| = c (a − t).
@@ -173,6 +184,11 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Inbox<L> {
         position_m: [f64; 3],
         time_s: f64,
     ) -> Result<f64> {
+        if self.foresight == Foresight::None {
+            // Where it will be then nobody knows.
+            let (pose, _) = self.pose(ear, take, time_s)?;
+            return Ok(time_s + self.delay_s(distance(position_m, pose.position_m)));
+        }
         let mut arrival_s = time_s;
         // Each pass shrinks the error by the microphone's speed over that of sound.
         for _ in 0..60 {
@@ -196,9 +212,10 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Inbox<L> {
         time_s: f64,
     ) -> Result<(Pose, f64)> {
         let arrival_s = self.arrival_s(ear, take, position_m, time_s)?;
-        let (pose, _) = self.pose(ear, take, arrival_s)?;
+        let meets_s = if self.foresight == Foresight::None { time_s } else { arrival_s };
+        let (pose, _) = self.pose(ear, take, meets_s)?;
         // Where nothing moves the delay is d / c to the last bit, not a difference of times.
-        let delay_s = if self.ears[ear].moves {
+        let delay_s = if self.ears[ear].moves && meets_s == arrival_s {
             (arrival_s - time_s).clamp(0.0, LONGEST_DELAY_S)
         } else {
             self.delay_s(distance(position_m, pose.position_m))

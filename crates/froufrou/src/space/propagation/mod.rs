@@ -31,7 +31,7 @@ use crate::score::{
     Arrival, ChannelHeader, ChannelLine, Cue, Make, Microphone, ObjectHeader, ObjectLine, Order, Output,
     Pickup, Placement, Radiation, Start, Statement, Verb, Whereabouts,
 };
-use crate::synth::path::FADE_S;
+use crate::synth::path::{FADE_S, Foresight};
 use crate::{Error, Result};
 use ear::Ear;
 use inbox::{Inbox, distance};
@@ -176,6 +176,7 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
                 waiting: BTreeMap::new(),
                 cues: BTreeMap::new(),
                 begun: Vec::new(),
+                foresight: Foresight::NextKey,
             },
             patterns: header
                 .patterns
@@ -205,7 +206,69 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
         Self { tracing, ..self }
     }
 
+    /// The same with another foresight. Without one every line is passed on as it comes, and there are no keys between
+    /// lines, which have to be dense; a microphone is met where it is when the sound leaves, by keys that come before
+    /// those of threads.
+    #[must_use]
+    pub fn with_foresight(mut self, foresight: Foresight) -> Self {
+        self.inbox.foresight = foresight;
+        self
+    }
+
+    /// Passes the next line on, as it comes.
+    fn pass_on(&mut self) -> Result<Option<ChannelLine>> {
+        loop {
+            if let Some(line) = self.ready.pop_front() {
+                return Ok(Some(line));
+            }
+            let next_s = self.inbox.peek_s()?;
+            if self.held.first().is_some_and(|held| next_s.is_none_or(|next_s| next_s > held.time_s())) {
+                self.held.sort_by_key(ChannelLine::thread);
+                self.ready.extend(self.held.drain(..));
+                continue;
+            }
+            let Some(thread) = self.inbox.next.as_ref().map(|line| match line {
+                ObjectLine::Thread(line) => Some((line.thread, line.time_s)),
+                ObjectLine::Cue(cue) => Some((cue.thread, cue.time_s)),
+                ObjectLine::Microphone(_) => None,
+            }) else {
+                return Ok(None);
+            };
+            self.inbox.read()?;
+            self.inbox.begun.clear();
+            let Some((id, time_s)) = thread else { continue };
+            self.inbox.ears.iter_mut().filter(|ear| ear.moves).for_each(|ear| ear.forget(time_s));
+            match self.pass(id, time_s) {
+                Some(line) => {
+                    let ends = line.verb == Verb::End;
+                    let line = self.after_cuts(id, line)?;
+                    self.through(id, line)?;
+                    if ends {
+                        self.sources.remove(&id);
+                        self.inbox.waiting.remove(&id);
+                    }
+                }
+                None => self.pass_cue(id),
+            }
+        }
+    }
+
+    /// A line of a thread jumps where a microphone has cut since the one before.
+    fn after_cuts(&mut self, id: u64, line: Statement<Placement>) -> Result<Statement<Placement>> {
+        let Some(source) = self.sources.get_mut(&id) else { return Ok(line) };
+        let mut cuts = false;
+        for (take, ear) in source.takes.iter_mut().zip(&self.inbox.ears) {
+            let last = ear.first_take + ear.takes.len().saturating_sub(1);
+            cuts |= std::mem::replace(take, last) != last;
+        }
+        let verb = if cuts && line.verb == Verb::Key { Verb::Jump } else { line.verb };
+        Ok(Statement { verb, ..line })
+    }
+
     fn step(&mut self) -> Result<Option<ChannelLine>> {
+        if self.inbox.foresight == Foresight::None {
+            return self.pass_on();
+        }
         loop {
             if let Some(line) = self.ready.pop_front() {
                 return Ok(Some(line));
@@ -349,7 +412,8 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
         source.track.forget(time_s);
         source.turn(time_s, turn);
         // The keys that the motion to the next line depends on: that line and the one behind it.
-        for ahead in 0..2 {
+        let foreseen = if self.inbox.foresight == Foresight::None { 0 } else { 2 };
+        for ahead in 0..foreseen {
             match self.inbox.ahead(id, ahead)? {
                 Some(Statement { time_s, verb: Verb::Key | Verb::End, value, .. }) => {
                     if let Whereabouts::At(position_m) = value.whereabouts {

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use super::bus::Bus;
 use super::filter::{Filter, Filters};
 use super::instrument::Instrument;
-use super::path::{PathBuilder, PathKey, Segment};
+use super::path::{Foresight, PathBuilder, PathKey, Segment};
 use super::receivers::Receiver;
 use super::sinc;
 use super::source::Source;
@@ -89,8 +89,8 @@ pub struct Begun {
 pub struct Mixer<L> {
     lines: L,
     next: Option<ChannelLine>,
-    /// Whether the first line has been asked for.
-    has_begun: bool,
+    /// Whether the line behind the last one that was taken in has been asked for.
+    is_asked: bool,
     names: BTreeMap<String, usize>,
     voices: Voices,
     objects: Vec<String>,
@@ -102,6 +102,7 @@ pub struct Mixer<L> {
     seed: u64,
     /// For so long an onset may ring before its time, in seconds.
     onset_s: f64,
+    foresight: Foresight,
     /// What has arrived before this frame has been released.
     released: u64,
     keeps_going: bool,
@@ -122,7 +123,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         lines: L,
     ) -> Result<Self> {
         let mut mixer = Self::idle(rate_hz, receivers, sounds, lines)?;
-        mixer.begin()?;
+        mixer.ask()?;
         Ok(mixer)
     }
 
@@ -185,7 +186,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         Ok(Self {
             lines,
             next: None,
-            has_begun: false,
+            is_asked: false,
             names,
             voices,
             objects: Vec::new(),
@@ -195,6 +196,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             rings,
             seed: 0,
             onset_s: ONSET_S,
+            foresight: Foresight::NextKey,
             released: 0,
             keeps_going: false,
             silenced: 0,
@@ -202,12 +204,12 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         })
     }
 
-    /// Asks for the first line, if nobody has.
-    fn begin(&mut self) -> Result<()> {
-        if !std::mem::replace(&mut self.has_begun, true) {
+    /// Asks for the next line, if nobody has; true where there is one.
+    fn ask(&mut self) -> Result<bool> {
+        if !std::mem::replace(&mut self.is_asked, true) {
             self.next = self.lines.next().transpose()?;
         }
-        Ok(())
+        Ok(self.next.is_some())
     }
 
     /// The same mixer, with the seed of all that is random in synthesised sounds.
@@ -229,6 +231,13 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
     #[must_use]
     pub fn looking_ahead(self, onset_s: f64) -> Self {
         Self { onset_s: onset_s.clamp(0.0, ONSET_S), ..self }
+    }
+
+    /// The same mixer with another foresight: where it has none, what is known of a way ends with its last key, and so it
+    /// need not wait for the next one.
+    #[must_use]
+    pub fn with_foresight(self, foresight: Foresight) -> Self {
+        Self { foresight, ..self }
     }
 
     /// The same mixer, for lines without gains of octave bands: it looks less far ahead, and refuses such gains.
@@ -268,7 +277,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
 
     /// True where every line has been read; then the latest arrival is known.
     pub fn is_read(&self) -> bool {
-        self.has_begun && self.next.is_none()
+        self.is_asked && self.next.is_none()
     }
 
     /// The time at which the last thread read so far falls silent, in seconds.
@@ -311,9 +320,8 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
     }
 
     fn read_lines(&mut self, end_frame: u64) -> Result<()> {
-        self.begin()?;
         let end_s = end_frame as f64 / self.voices.rate_hz;
-        while self.next.as_ref().is_some_and(|line| line.time_s() <= end_s + self.onset_s) {
+        while self.ask()? && self.next_s().is_some_and(|next_s| next_s <= end_s + self.onset_s) {
             self.read_line()?;
         }
         let onset_s = self.onset_s;
@@ -333,13 +341,13 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         };
         let ids: BTreeSet<u64> = self.voices.threads.keys().map(|&(id, _)| id).collect();
         let mut open: BTreeSet<u64> = ids.into_iter().filter(|&id| is_open(&self.voices, id)).collect();
-        while !open.is_empty() && self.next.is_some() {
+        while !open.is_empty() && self.ask()? {
             let id = self.read_line()?;
             if !is_open(&self.voices, id) {
                 open.remove(&id);
             }
         }
-        if self.next.is_none() {
+        if self.is_read() {
             // A thread that the score leaves open sounds no longer than its last key.
             let open: Vec<(u64, u32)> =
                 self.voices.threads.iter().filter(|(_, t)| !t.ended).map(|(&of, _)| of).collect();
@@ -415,10 +423,13 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
 
     /// Takes the next line in; gives its thread.
     fn read_line(&mut self) -> Result<u64> {
-        let following = self.lines.next().transpose()?;
-        let Some(line) = std::mem::replace(&mut self.next, following) else {
+        let Some(line) = self.next.take() else {
             return Err(Error::new("the score has no more lines"));
         };
+        self.is_asked = false;
+        if self.foresight == Foresight::NextKey {
+            self.ask()?;
+        }
         let id = line.thread();
         if !(0.0..=LATEST_S).contains(&line.time_s()) {
             return Err(Error::new(format!("thread {id} has a line at {} s", line.time_s()))
@@ -524,7 +535,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         let (sound, playback, object) = (direct.sound, direct.playback, direct.object);
         // It begins within the sound, but for one that begins with it.
         let fades_in = direct.fades_in || time_s > playback.start_s;
-        let lead_s = direct.lead_s;
+        let (lead_s, foresight) = (direct.lead_s, self.foresight);
         let Voices { threads, receivers, colours, paths, .. } = &mut self.voices;
         let ways = Ways { receivers, colours: colours.as_ref() };
         match threads.entry(of) {
@@ -532,7 +543,10 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
                 // What is still under way from before goes on.
                 let path = before.get_mut();
                 let keys = ways.keys(&mut path.filters, time_s, value);
-                path.builders = keys.into_iter().map(|key| PathBuilder::new(key, fades_in, lead_s)).collect();
+                path.builders = keys
+                    .into_iter()
+                    .map(|key| PathBuilder::new(key, fades_in, lead_s).with(foresight))
+                    .collect();
                 path.ended = false;
             }
             Entry::Occupied(_) => {
@@ -541,7 +555,10 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             Entry::Vacant(place) => {
                 let mut filters = Filters::default();
                 let keys = ways.keys(&mut filters, time_s, value);
-                let builders = keys.into_iter().map(|key| PathBuilder::new(key, fades_in, lead_s)).collect();
+                let builders = keys
+                    .into_iter()
+                    .map(|key| PathBuilder::new(key, fades_in, lead_s).with(foresight))
+                    .collect();
                 place.insert(Thread {
                     sound,
                     playback,
@@ -584,17 +601,19 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
                 let random = Random::new(self.seed ^ SOURCES, id);
                 let source = Source::new(instrument.as_ref(), rate_hz, random)
                     .map_err(|fault| in_thread(fault, id, Some(sound), &self.names))?;
-                self.voices.sources.insert(id, source);
+                self.voices.sources.insert(id, source.with(self.foresight));
                 // What is struck is silent before; all else sounds already.
                 (instrument.ring_s().is_none(), rate_hz)
             }
         };
         let lead_s = playback.lead_s(sound_rate_hz, rate_hz).min(self.onset_s);
+        let foresight = self.foresight;
         let mut filters = Filters::default();
         let Voices { receivers, colours, .. } = &self.voices;
         let ways = Ways { receivers, colours: colours.as_ref() };
         let keys = ways.keys(&mut filters, time_s, value);
-        let builders = keys.into_iter().map(|key| PathBuilder::new(key, fades_in, lead_s)).collect();
+        let builders =
+            keys.into_iter().map(|key| PathBuilder::new(key, fades_in, lead_s).with(foresight)).collect();
         let object = match self.object_indices.get(&start.object) {
             Some(&object) => object,
             None => {
@@ -633,9 +652,14 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         let mut echoes = self.rings.iter();
         for ((builder, stretches), key) in paths.zip(keys) {
             let ring_s = echoes.next().copied().flatten();
+            let goes_on = self.foresight == Foresight::None;
             let mut emit = |segment: Segment| {
                 hear_out(&mut self.last_arrival_s, &segment, ring_s);
-                stretches.push(segment.into());
+                // Keys are dense where nobody knows what comes: what stands still is one all the same.
+                match stretches.last_mut().filter(|last| goes_on && last.segment.goes_on_in(&segment)) {
+                    Some(last) => last.segment.end_s = segment.end_s,
+                    None => stretches.push(segment.into()),
+                }
             };
             if jump { builder.jump(key, &mut emit) } else { builder.key(key, &mut emit) }
         }
