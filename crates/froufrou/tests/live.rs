@@ -350,6 +350,11 @@ fn told(
     all
 }
 
+/// An engine that has the bits of a file, however slow the machine is.
+fn unhurried() -> EngineSettings {
+    EngineSettings { budget: f32::INFINITY, ..EngineSettings::default() }
+}
+
 /// The same events, known beforehand and rendered to the end, with keys as an engine has them.
 fn recorded(studio: &Studio, text: &str, logged: &str) -> Vec<f32> {
     let events = studio.production(logged).unwrap().events().unwrap().collect::<Vec<_>>();
@@ -381,7 +386,7 @@ fn distance(a: &[f32], b: &[f32]) -> f32 {
 fn what_is_told_sounds_as_what_is_logged() {
     let studio = Studio::new();
     let (text, logged) = (struck(&studio, false), struck(&studio, true));
-    let settings = EngineSettings { contact_step_s: 0.001, ..EngineSettings::default() };
+    let settings = EngineSettings { contact_step_s: 0.001, ..unhurried() };
     let live = told(&studio, &text, rows(&studio), settings, |_, _| ());
     let recorded = recorded(&studio, &text, &logged);
     let rendered = studio.scene(&logged, Take::at(RATE_HZ)).unwrap().mix;
@@ -402,7 +407,7 @@ fn what_is_told_to_move_is_where_it_is_told_to_be() {
     assert!(text.contains(place));
     let expected = studio.scene(&text, Take::at(RATE_HZ)).unwrap().mix;
     let (movers, half) = (vec!["tone".to_owned()], std::f64::consts::FRAC_1_SQRT_2);
-    let settings = EngineSettings { movers, moves_listener: true, ..EngineSettings::default() };
+    let settings = EngineSettings { movers, moves_listener: true, ..unhurried() };
     // All is turned to the left and shifted, listener and object: nothing changes for the ear.
     let elsewhere = text.replace(place, "position = [7, 1, 8]\nsound");
     let turned = [0.0, half, 0.0, half];

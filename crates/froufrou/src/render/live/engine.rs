@@ -33,6 +33,8 @@ pub struct EngineSettings {
     pub ahead_s: f64,
     /// It is handed over in slices of so many frames.
     pub slice_frames: usize,
+    /// See [`Settings::budget`]: 0.8 by default, for an engine plays through a device.
+    pub budget: f32,
     /// So much can be told before the worker takes it: contacts, poses and times.
     pub room: usize,
     /// The objects that are moved by the handle, by their names.
@@ -49,6 +51,7 @@ impl Default for EngineSettings {
             key_step_s: 0.005,
             ahead_s: 0.025,
             slice_frames: 128,
+            budget: 0.8,
             room: 1 << 14,
             movers: Vec::new(),
             moves_listener: false,
@@ -168,8 +171,8 @@ fn work(
         ahead_s: settings.ahead_s,
         slice_frames: settings.slice_frames,
         slack_s: settings.ahead_s + known_s,
-        from_s: 0.0,
-        duration_s: None,
+        budget: settings.budget,
+        ..Settings::default()
     };
     let (supply, player) = super::part(mixer, part)?;
     let latency_s = known_s + settings.ahead_s + player.limiter_latency() as f64 / rate_hz;

@@ -4,6 +4,7 @@
 //! the block that is asked for, and forgets what has sounded. Its memory follows the number of
 //! threads that sound at once and the distance between their keys, not the length of the score.
 
+mod share;
 mod slice;
 mod voices;
 mod ways;
