@@ -59,7 +59,8 @@
 //! as the fastest way in a slice needs them.
 //!
 //! **No denormals.** The audio thread has no recursion that decays: signals are read and convolved, and the limiter counts
-//! in whole numbers. What decays by itself, such as modes, does so in the worker.
+//! in whole numbers. What decays by itself, such as modes, does so in the worker. What is below −300 dB is 0 where recordings and
+//! synthesised sounds come in, in the gains of lanes and in what goes there.
 //!
 //! **No noise from numbers that are none.** They are left out where they would enter a bus, and where they would reach the
 //! device, and counted. The limiter changes no bit of what is not louder than full scale; see [`limiter`].
