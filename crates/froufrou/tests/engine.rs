@@ -83,8 +83,13 @@ fn settings() -> EngineSettings {
         movers: names(&["fly"]),
         meshes: names(&["sheet", "letter"]),
         moves_listener: true,
-        ..EngineSettings::default()
+        ..unhurried()
     }
+}
+
+/// An engine that has the bits of a file, however slow the machine is.
+fn unhurried() -> EngineSettings {
+    EngineSettings { budget: f32::INFINITY, ..EngineSettings::default() }
 }
 
 fn row(time_s: f64, x: f64, push: Push<f64>, sliding_mps: Option<f64>) -> ContactRow {
@@ -361,7 +366,7 @@ fn impacts_and_slides_are_those_of_a_log() {
     );
     drop(told);
     let expected = studio.scene(&logged, Take::at(RATE_HZ)).unwrap().mix;
-    let settings = EngineSettings { contact_step_s: 0.001, ..EngineSettings::default() };
+    let settings = EngineSettings { contact_step_s: 0.001, ..unhurried() };
     let delay_s = {
         let scene = Scene::open(studio.file("silent.toml", &silent), false).unwrap();
         live::start(scene, settings.clone()).unwrap().0.latency().delays.rubbing_s
@@ -407,7 +412,7 @@ fn what_is_told_to_move_is_where_it_is_told_to_be() {
     };
     let expected = studio.scene(&text("[0.3, 1.2, -1]"), Take::at(RATE_HZ)).unwrap().mix;
     let (movers, half) = (vec!["tone".to_owned()], std::f64::consts::FRAC_1_SQRT_2);
-    let settings = EngineSettings { movers, moves_listener: true, ..EngineSettings::default() };
+    let settings = EngineSettings { movers, moves_listener: true, ..unhurried() };
     // All is turned to the left and shifted, listener and object: nothing changes for the ear.
     let scene = Scene::open(studio.file("told.toml", &text("[7, 1, 8]")), false).unwrap();
     let turned = [0.0, half, 0.0, half];
@@ -446,7 +451,7 @@ fn what_is_told_is_heard_after_the_latency_that_is_said() {
                 ahead_s,
                 key_step_s,
                 slice_frames: 64,
-                ..EngineSettings::default()
+                ..unhurried()
             };
             let (mut handle, player) = live::start(scene, settings).unwrap();
             let latency_s = handle.latency().all_s;
@@ -502,7 +507,7 @@ fn what_is_told_is_heard_after_the_latency_that_is_said() {
 fn hostile(frames: u64) -> [Option<u64>; 2] {
     let studio = Studio::new();
     let scene = scene(&studio, STEREO);
-    let settings = EngineSettings { room: 4096, ..settings() };
+    let settings = EngineSettings { room: 4096, budget: 0.8, ..settings() };
     let (mut handle, mut player) = live::start(scene, settings).unwrap();
     let random = Random::new(9, 9);
     let number = |n: u64| match random.below(2 * n, 12) {

@@ -15,6 +15,9 @@ use froufrou::{Error, Result};
 
 use crate::render::SceneOptions;
 
+/// The part of a block's time that rendering may take, so that the device is never late for voices that nobody hears.
+const BUDGET: f32 = 0.8;
+
 /// So much is handed over before it is played: seeking and loading take a while.
 const AHEAD_S: f64 = 0.3;
 const SLICE_FRAMES: usize = 512;
@@ -167,6 +170,7 @@ impl Session {
             catches_up: false,
             from_s: self.from_s,
             duration_s: header.duration_s,
+            budget: BUDGET,
         };
         let (mut supply, player) = live::part(mixer, settings)?;
         supply.go_on()?;

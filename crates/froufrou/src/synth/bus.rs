@@ -26,6 +26,7 @@ use std::sync::Arc;
 use super::filter::Filters;
 use super::path::{PathKey, Segment, UNSPREAD};
 use super::sinc::Kernel;
+use super::tiny;
 use crate::space::convolution::Convolver;
 use crate::space::direction::ahead_left_up;
 use crate::space::directivity::{HARMONICS, harmonics};
@@ -195,7 +196,10 @@ impl Bus {
         };
         fill(begin, 0);
         fill(change, 1);
-        change.iter_mut().zip(begin).for_each(|(end, begin)| *end -= *begin);
+        for (end, begin) in change.iter_mut().zip(begin) {
+            *begin = tiny::flushed(*begin);
+            *end = tiny::flushed(*end - *begin);
+        }
     }
 }
 
@@ -231,7 +235,7 @@ pub(crate) fn frame_mut(samples: &mut [f32], lanes: usize, frame: usize) -> impl
 }
 
 /// Frames whose places along a segment are found at once.
-const CHUNK: usize = 128;
+const CHUNK: usize = 64;
 
 /// Adds samples from a frame on to all lanes, with the gains of a segment.
 ///
@@ -252,18 +256,21 @@ impl pulp::WithSimd for Spreading<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
+    fn with_simd<S: pulp::Simd>(self, simd: S) {
         let lanes = self.gains[0].len();
         let frame_s = 1.0 / self.rate_hz;
         let per_s = 1.0 / (self.segment.end_s - self.segment.begin_s);
-        let mut along = [0.0f32; CHUNK];
+        let (mut along, mut read) = ([0.0f32; CHUNK], [0.0f32; CHUNK]);
         for (chunk, samples) in self.samples.chunks(CHUNK).enumerate() {
             let done = chunk * CHUNK;
             let first = (self.first + done as u64) as f64;
-            for (n, along) in along[..samples.len()].iter_mut().enumerate() {
+            for ((n, along), (read, sample)) in along.iter_mut().enumerate().zip(read.iter_mut().zip(samples))
+            {
                 let arrival_s = (first + n as u32 as f64) * frame_s;
                 *along = ((arrival_s - self.segment.begin_s) * per_s).clamp(0.0, 1.0) as f32;
+                *read = tiny::flushed(*sample as f32);
             }
+            let (along, read) = (&along[..samples.len()], &read[..samples.len()]);
             for number in 0..lanes.div_ceil(BANK) {
                 let own = number * BANK..((number + 1) * BANK).min(lanes);
                 let [begin, change] = [&self.gains[0][own.clone()], &self.gains[1][own.clone()]];
@@ -274,15 +281,13 @@ impl pulp::WithSimd for Spreading<'_> {
                 let out = &mut self.out[bank(lanes, self.frames, number)];
                 let at = (self.offset + done) * own.len();
                 let out = &mut out[at..at + samples.len() * own.len()];
-                match (begin.as_array::<BANK>(), change.as_array::<BANK>()) {
-                    (Some(begin), Some(change)) => add_bank(samples, &along, begin, change, out),
-                    _ => {
-                        for ((out, sample), along) in out.chunks_exact_mut(own.len()).zip(samples).zip(along)
-                        {
-                            for ((out, begin), change) in out.iter_mut().zip(begin).zip(change) {
-                                *out += *sample as f32 * (begin + along * change);
-                            }
-                        }
+                if own.len() == BANK {
+                    add_bank(simd, read, along, begin, change, out);
+                    continue;
+                }
+                for ((out, sample), along) in out.chunks_exact_mut(own.len()).zip(read).zip(along) {
+                    for ((out, begin), change) in out.iter_mut().zip(begin).zip(change) {
+                        *out += sample * (begin + along * change);
                     }
                 }
             }
@@ -292,18 +297,27 @@ impl pulp::WithSimd for Spreading<'_> {
 
 /// A whole bank at once.
 #[inline(always)]
-fn add_bank(
-    samples: &[f64],
-    along: &[f32; CHUNK],
-    begin: &[f32; BANK],
-    change: &[f32; BANK],
+fn add_bank<S: pulp::Simd>(
+    simd: S,
+    samples: &[f32],
+    along: &[f32],
+    begin: &[f32],
+    change: &[f32],
     out: &mut [f32],
 ) {
-    let (frames, _) = out.as_chunks_mut::<BANK>();
-    for ((out, sample), along) in frames.iter_mut().zip(samples).zip(along) {
-        let sample = *sample as f32;
-        for lane in 0..BANK {
-            out[lane] += sample * (begin[lane] + along * change[lane]);
+    let vectors = const { BANK / S::F32_LANES };
+    let mut gains = [[simd.splat_f32s(0.0); 2]; BANK];
+    let (begin, change) = (S::as_simd_f32s(begin).0, S::as_simd_f32s(change).0);
+    for (gain, (begin, change)) in gains.iter_mut().zip(begin.iter().zip(change)) {
+        *gain = [*begin, *change];
+    }
+    let (out, _) = S::as_mut_simd_f32s(out);
+    for ((out, sample), along) in out.chunks_exact_mut(vectors).zip(samples).zip(along) {
+        let (sample, along) = (simd.splat_f32s(*sample), simd.splat_f32s(*along));
+        for v in 0..vectors {
+            // Not fused: a fused multiply-add rounds otherwise, and not every machine has it.
+            let gain = simd.add_f32s(gains[v][0], simd.mul_f32s(along, gains[v][1]));
+            out[v] = simd.add_f32s(out[v], simd.mul_f32s(sample, gain));
         }
     }
 }

@@ -13,6 +13,29 @@ pub const MAX_RATIO: f64 = (1u64 << OCTAVES) as f64;
 /// whatever the width of its vector unit.
 pub(super) const LANES: usize = 16;
 
+/// A whole number as an integer, where it fits: unlike a cast, vector units do several at a time.
+#[inline(always)]
+pub(super) fn integer(whole: f64) -> i32 {
+    // Added to this, its bits are the last ones.
+    (whole + 6_755_399_441_055_744.0).to_bits() as i32
+}
+
+/// The least and the greatest of some ratios.
+#[inline(always)]
+pub(super) fn extent(ratios: &[f64]) -> [f64; 2] {
+    const SIDE_BY_SIDE: usize = 8;
+    let (mut least, mut greatest) = ([f64::INFINITY; SIDE_BY_SIDE], [f64::NEG_INFINITY; SIDE_BY_SIDE]);
+    let (whole, rest) = ratios.as_chunks::<SIDE_BY_SIDE>();
+    for ratios in whole {
+        for ((least, greatest), ratio) in least.iter_mut().zip(&mut greatest).zip(ratios) {
+            *least = if ratio < least { *ratio } else { *least };
+            *greatest = if ratio > greatest { *ratio } else { *greatest };
+        }
+    }
+    let all = |first: [f64; SIDE_BY_SIDE]| first.into_iter().chain(rest.iter().copied());
+    [all(least).fold(f64::INFINITY, f64::min), all(greatest).fold(f64::NEG_INFINITY, f64::max)]
+}
+
 /// sin(π x) / (π x).
 pub(crate) fn sinc(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { (std::f64::consts::PI * x).sin() / (std::f64::consts::PI * x) }
@@ -133,6 +156,19 @@ mod tests {
                 assert_eq!(spacing.index(ratio * (1.0 - 1e-9)), index, "what is slower has the same table");
             }
             assert_eq!((spacing.index(0.3), spacing.index(1e9)), (0, spacing.count() - 1));
+        }
+    }
+
+    #[test]
+    fn whole_numbers_become_integers() {
+        for whole in [0, 1, -1, 63, -2_000_000_000, 2_000_000_000] {
+            assert_eq!(integer(f64::from(whole)), whole);
+        }
+        for count in 0..20 {
+            let ratios: Vec<f64> = (0..count).map(|n| 1.0 + 0.1 * f64::from((n * 7) % 20)).collect();
+            let expected = [f64::INFINITY, f64::NEG_INFINITY];
+            let expected = ratios.iter().fold(expected, |[a, b], ratio| [a.min(*ratio), b.max(*ratio)]);
+            assert_eq!(extent(&ratios), expected);
         }
     }
 

@@ -24,5 +24,6 @@ mod spectrum;
 pub mod stick_slip;
 mod stretch;
 mod tails;
+mod tiny;
 pub mod turbulence;
 pub mod voice;

@@ -17,6 +17,7 @@ use pulp::Simd;
 
 use super::kernel::{self, LANES, Spacing};
 use super::sinc::Samples;
+use super::tiny;
 
 /// Positions between two input samples at which the kernel is tabulated. Straight lines between them err by
 /// (ω / PHASES)² / 8: −77 dB for 16.8 kHz at 48 kHz, −126 dB for 1 kHz.
@@ -56,8 +57,8 @@ impl Table {
         let mut this = row(0);
         for phase in 0..PHASES {
             let next = row(phase + 1);
-            taps.extend(this.iter().map(|tap| *tap as f32));
-            taps.extend(next.iter().zip(&this).map(|(next, this)| (next - this) as f32));
+            taps.extend(this.iter().map(|tap| tiny::flushed(*tap as f32)));
+            taps.extend(next.iter().zip(&this).map(|(next, this)| tiny::flushed((next - this) as f32)));
             this = next;
         }
         Self { width, taps }
@@ -86,6 +87,9 @@ pub(super) fn prepare(ratio: f64) {
 /// Readings whose places are found before any of them is made.
 const CHUNK: usize = 64;
 
+/// Places within a chunk are no farther apart, in samples.
+const FARTHEST: f64 = 1e9;
+
 impl Samples<'_> {
     /// Reads as [`Samples::read`] does, by the short kernel.
     #[inline(always)]
@@ -105,9 +109,9 @@ impl Samples<'_> {
             let (mut wholes, mut phases, mut along) = ([0i32; CHUNK], [0i32; CHUNK], [0.0f32; CHUNK]);
             for (n, position) in positions.iter().enumerate() {
                 let whole = position.floor();
-                wholes[n] = (whole - origin) as i32;
+                wholes[n] = kernel::integer((whole - origin).clamp(-FARTHEST, FARTHEST));
                 let at = (position - whole) * PHASES as f64;
-                phases[n] = (at as i32).min(PHASES as i32 - 1);
+                phases[n] = kernel::integer(at.floor()).clamp(0, PHASES as i32 - 1);
                 along[n] = (at - f64::from(phases[n])) as f32;
             }
             let mut origin = origin as i64;
@@ -115,10 +119,7 @@ impl Samples<'_> {
                 origin = origin.rem_euclid(length);
             }
             // Most often one table does for all, and no end is near.
-            let (mut slowest, mut fastest) = (f64::INFINITY, f64::NEG_INFINITY);
-            for ratio in ratios {
-                (slowest, fastest) = (slowest.min(*ratio), fastest.max(*ratio));
-            }
+            let [slowest, fastest] = kernel::extent(ratios);
             let mut current = SPACING.index(slowest);
             let mut kernel = table(current);
             let reach = kernel.width as i64;

@@ -25,6 +25,7 @@ use pulp::Simd;
 
 pub use super::kernel::MAX_RATIO;
 use super::kernel::{self, LANES, Spacing};
+use super::tiny;
 
 /// Positions between two input samples at which the kernel is tabulated. Cubic interpolation errs by
 /// about 3/128 (ω / PHASES)⁴, −120 dB for 20 kHz at 48 kHz.
@@ -32,6 +33,9 @@ pub const PHASES: usize = 32;
 
 /// Half the kernel's length in input samples at ratio 1.
 const HALF_WIDTH: usize = 40;
+
+/// The kernel's whole length there.
+const STILL_WIDTH: usize = 2 * HALF_WIDTH;
 
 /// Shape of the Kaiser window. By β = 0.1102 (A − 8.7) (Kaiser 1974) it attenuates by A = 103 dB;
 /// 2 · 40 taps then make a transition 0.083 of the sampling rate wide.
@@ -45,7 +49,7 @@ const SPACING: Spacing = Spacing::new(512);
 const PASS_EDGE: f64 = 20.0 / 24.0;
 
 /// Readings whose rows and weights are found before any of them is made.
-const CHUNK: usize = 128;
+const CHUNK: usize = 64;
 
 /// One cut-off: a row of taps for each phase, from the one before 0 to the one behind 1.
 struct Table {
@@ -63,7 +67,7 @@ impl Table {
         let cutoff = 0.5 * scale - half_transition;
         let fractions = (0..PHASES + 3).map(|phase| (phase as f64 - 1.0) / PHASES as f64);
         let taps = fractions.flat_map(|fraction| kernel::row(half_width, fraction, cutoff, KAISER_BETA));
-        let taps = taps.map(|tap| tap as f32).collect();
+        let taps = taps.map(|tap| tiny::flushed(tap as f32)).collect();
         Self { half_width, taps }
     }
 
@@ -151,14 +155,10 @@ impl Samples<'_> {
             let (mut phases, mut weights) = ([0i32; CHUNK], [[0.0f32; CHUNK]; 4]);
             for (n, position) in positions.iter().enumerate() {
                 let at = (position - position.floor()) * PHASES as f64;
-                phases[n] = (at as i32).min(PHASES as i32 - 1);
-                let x = (at - f64::from(phases[n])) as f32;
-                // Lagrange's cubic through the rows at −1, 0, 1 and 2.
-                let (before, behind, far) = (x + 1.0, 1.0 - x, 2.0 - x);
-                weights[0][n] = -x * behind * far * (1.0 / 6.0);
-                weights[1][n] = before * behind * far * 0.5;
-                weights[2][n] = before * x * far * 0.5;
-                weights[3][n] = -before * x * behind * (1.0 / 6.0);
+                phases[n] = kernel::integer(at.floor()).clamp(0, PHASES as i32 - 1);
+                for (all, weight) in weights.iter_mut().zip(cubic((at - f64::from(phases[n])) as f32)) {
+                    all[n] = weight;
+                }
             }
             let (mut current, mut kernel) = (0, table(0));
             for (n, out) in out.iter_mut().enumerate() {
@@ -170,6 +170,36 @@ impl Samples<'_> {
                 let weights = [weights[0][n], weights[1][n], weights[2][n], weights[3][n]];
                 *out = self.convolve(simd, positions[n].floor() as i64, rows, weights, window);
             }
+        }
+    }
+
+    /// Reads from a position on, sample by sample at a ratio of 1, each of these places behind the one before: what lies
+    /// between two samples is the same for all, so that one row of taps does for all of them.
+    #[inline(always)]
+    pub(super) fn read_still<S: Simd>(
+        &self,
+        simd: S,
+        position: f64,
+        places: &[f64],
+        out: &mut [f32],
+        window: &mut Vec<f32>,
+    ) {
+        let fraction = position - position.floor();
+        let at = fraction * PHASES as f64;
+        let phase = kernel::integer(at.floor()).clamp(0, PHASES as i32 - 1);
+        let kernel = table(0);
+        let rows = kernel.rows(phase as usize);
+        let weights = cubic((at - f64::from(phase)) as f32);
+        let mut row = [0.0f32; STILL_WIDTH];
+        for (weight, taps) in weights.into_iter().zip(rows.chunks_exact(2 * kernel.half_width)) {
+            row.iter_mut().zip(taps).for_each(|(sum, tap)| *sum += weight * tap);
+        }
+        for (out, place) in out.iter_mut().zip(places) {
+            let index = (place - fraction).round() as i64;
+            *out = match self.about(index, STILL_WIDTH, window).and_then(|input| input.first_chunk()) {
+                Some(input) => dot(simd, input, &row),
+                None => 0.0,
+            };
         }
     }
 
@@ -244,6 +274,32 @@ impl pulp::WithSimd for Resampling<'_> {
         let samples = Samples { samples: self.samples, looped: false };
         samples.read(simd, self.positions, self.ratios, self.out, &mut Vec::new());
     }
+}
+
+/// Lagrange's cubic through rows at −1, 0, 1 and 2: their weights at a place between the middle ones.
+#[inline(always)]
+fn cubic(x: f32) -> [f32; 4] {
+    let (before, behind, far) = (x + 1.0, 1.0 - x, 2.0 - x);
+    [
+        -x * behind * far * (1.0 / 6.0),
+        before * behind * far * 0.5,
+        before * x * far * 0.5,
+        -before * x * behind * (1.0 / 6.0),
+    ]
+}
+
+/// The dot product of an input with one row.
+#[inline(always)]
+fn dot<S: Simd>(simd: S, input: &[f32; STILL_WIDTH], row: &[f32; STILL_WIDTH]) -> f32 {
+    let vectors = const { LANES / S::F32_LANES };
+    let mut sums = [simd.splat_f32s(0.0); LANES];
+    let (x, p) = (S::as_simd_f32s(input).0, S::as_simd_f32s(row).0);
+    for (x, p) in x.chunks_exact(vectors).zip(p.chunks_exact(vectors)) {
+        for v in 0..vectors {
+            sums[v] = simd.add_f32s(sums[v], simd.mul_f32s(x[v], p[v]));
+        }
+    }
+    kernel::total::<S>(&sums[..vectors])
 }
 
 /// The weighted sum of the dot products of an input with four rows of its length, a multiple of
@@ -414,6 +470,32 @@ pub(super) mod tests {
             let read = read(samples, 700.0 + step as f64 * 1e-4, 1.3, &mut window);
             assert!((read - last).abs() < 2e-4, "position {}", 700.0 + step as f64 * 1e-4);
             last = read;
+        }
+    }
+
+    #[test]
+    fn what_stands_still_is_read_as_ever() {
+        struct Read<'a>(Samples<'a>, &'a [f64]);
+        impl pulp::WithSimd for Read<'_> {
+            type Output = Vec<f32>;
+            fn with_simd<S: Simd>(self, simd: S) -> Vec<f32> {
+                let mut out = vec![0.0; self.1.len()];
+                self.0.read_still(simd, self.1[0], self.1, &mut out, &mut Vec::new());
+                out
+            }
+        }
+        let input = tone(0.3137, 400);
+        for looped in [false, true] {
+            let samples = Samples { samples: &input, looped };
+            for begin in [-60.0, 0.013, 17.5, 103.999_999, 350.25] {
+                let places: Vec<f64> = (0..100).map(|n| begin + f64::from(n)).collect();
+                let found = pulp::Arch::new().dispatch(Read(samples, &places));
+                assert_eq!(found, pulp::WithSimd::with_simd(Read(samples, &places), pulp::Scalar));
+                for (place, found) in places.iter().zip(found) {
+                    let expected = read(samples, *place, 1.0, &mut Vec::new());
+                    assert!((found - expected).abs() < 2e-6, "{place}: {found}, not {expected}");
+                }
+            }
         }
     }
 

@@ -7,6 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use super::instrument::{Generator, GrainStart, Instrument, Ramp, Stretch, Strike, stretch_samples};
 use super::path::Foresight;
 use super::sinc::Samples;
+use super::tiny;
 use super::voice::Signal;
 use crate::random::Random;
 use crate::score::Action;
@@ -228,6 +229,7 @@ impl Source {
             grains: &self.due_grains,
         };
         generator.generate(&stretch, out)?;
+        tiny::flush(out);
         match out.iter().position(|sample| !sample.is_finite()) {
             None => Ok(()),
             Some(index) => {

@@ -153,7 +153,7 @@ struct Reading<'a> {
 }
 
 /// Frames whose positions are found before any of them is read: few enough to stay near.
-const CHUNK: usize = 128;
+const CHUNK: usize = 64;
 
 impl pulp::WithSimd for Reading<'_> {
     type Output = ();
@@ -167,11 +167,12 @@ impl pulp::WithSimd for Reading<'_> {
             (emission_s - self.playback.start_s) * self.source_rate_hz + self.offset - self.base
         };
         // Where nothing moves, all positions are as far from a whole sample but for rounding. One
-        // speaks for the whole segment: else it would depend on the block which are read unchanged.
+        // speaks for the whole segment: else it would depend on the block how they are read.
         let whole = |position: f64| (position - position.round()).abs() < WHOLE_SAMPLE;
         let begin_s = first_frame(self.segment.begin_s, self.rate_hz) as f64 / self.rate_hz;
-        let unchanged =
-            self.segment.is_still() && step == 1.0 && whole(place(begin_s - self.segment.delay_s[0]));
+        let is_still = self.segment.is_still() && step == 1.0;
+        let begin = place(begin_s - self.segment.delay_s[0]);
+        let unchanged = is_still && whole(begin);
         let course = self.segment.course();
         let (mut positions, mut ratios, mut gains) = ([0.0f64; CHUNK], [0.0f64; CHUNK], [0.0f64; CHUNK]);
         let mut read = [0.0f32; CHUNK];
@@ -209,6 +210,9 @@ impl pulp::WithSimd for Reading<'_> {
             } else {
                 let (positions, ratios, read) = (&positions[..count], &ratios[..count], &mut read[..count]);
                 match self.kernel {
+                    Kernel::Long if is_still => {
+                        self.samples.read_still(simd, begin, positions, read, self.window);
+                    }
                     Kernel::Long => self.samples.read(simd, positions, ratios, read, self.window),
                     Kernel::Short => self.samples.read_short(simd, positions, ratios, read, self.window),
                 }

@@ -11,6 +11,9 @@ pub(super) struct Counters {
     pub end: AtomicU64,
     pub is_over: AtomicBool,
     pub blocks: AtomicU64,
+    pub late_blocks: AtomicU64,
+    pub stolen: AtomicU64,
+    pub released: AtomicU32,
     pub threads: AtomicU32,
     pub readings: AtomicU32,
     pub held: AtomicU64,
@@ -31,6 +34,12 @@ pub struct Statistics {
     pub played_frame: u64,
     /// Blocks that a device asked for.
     pub blocks: u64,
+    /// Blocks among them that took longer than they last.
+    pub late_blocks: u64,
+    /// How often a voice has been released because there was no time for all: see [`Settings::budget`](super::Settings::budget).
+    pub stolen: u64,
+    /// Voices that are silent now because of that, or fade.
+    pub released: u32,
     /// Threads that sounded last.
     pub threads: u32,
     /// Readings of their signals, for channels and buses, that were made last.
@@ -59,6 +68,9 @@ impl Counters {
         Statistics {
             played_frame: self.played.load(Relaxed),
             blocks: self.blocks.load(Relaxed),
+            late_blocks: self.late_blocks.load(Relaxed),
+            stolen: self.stolen.load(Relaxed),
+            released: self.released.load(Relaxed),
             threads: self.threads.load(Relaxed),
             readings: self.readings.load(Relaxed),
             held: self.held.load(Relaxed),

@@ -36,6 +36,8 @@ pub struct EngineSettings {
     pub ahead_s: f64,
     /// It is handed over in slices of so many frames.
     pub slice_frames: usize,
+    /// See [`Settings::budget`]: 0.8 by default, for an engine plays through a device.
+    pub budget: f32,
     /// So much can be told before the worker takes it: contacts, poses, meshes and times.
     pub room: usize,
     /// The objects that are moved by the handle, by their names.
@@ -54,6 +56,7 @@ impl Default for EngineSettings {
             key_step_s: 0.005,
             ahead_s: 0.025,
             slice_frames: 128,
+            budget: 0.8,
             room: 1 << 14,
             movers: Vec::new(),
             meshes: Vec::new(),
@@ -304,8 +307,8 @@ fn work(
         // Two frames of a game may come at once.
         slack_s: settings.ahead_s,
         catches_up: true,
-        from_s: 0.0,
-        duration_s: None,
+        budget: settings.budget,
+        ..Settings::default()
     };
     let (supply, player) = super::part(mixer, part)?;
     let rate_hz = f64::from(settings.rate_hz);

@@ -37,6 +37,13 @@
 //! frame that was due. Where too much is there (the clock of what feeds it is faster than that of the device), some is
 //! left out in the same way. Both are counted in [`Statistics`].
 //!
+//! **Where there is no time for all voices.** What a reading takes is measured while the sound plays, and a slice says
+//! how much work its readings are, so it is known before a block whether it would take more than [`Settings::budget`] of
+//! its time. Then the least audible voices are released: gain and level of the signal, found by the worker, put them in order. They
+//! fade, are not read any more, and come back when there has been room for a while; the others keep their bits. A voice
+//! that begins where there is no room for it is not heard. What is released is counted, and so are blocks that are late all
+//! the same.
+//!
 //! **What the latency is made of.** From the time of a line to the device: its way through the air; what the mixer has to
 //! know ahead ([`Mixer::look_ahead`], small for a mixer that is
 //! [uncoloured](Mixer::uncoloured) and does not [look ahead](Mixer::looking_ahead)) and, for what moves, the two keys behind;
@@ -45,14 +52,15 @@
 //! they say. [`Handle::latency_s`] is the sum of it.
 //!
 //! **What of the system is called.** No lock and no allocation; for the load in [`Statistics`] the clock is read twice a block,
-//! which common systems do without a system call. A player is to be dropped elsewhere than in the callback of a device.
+//! and with a budget twice more in each slice, which common systems do without a system call. A player is to be dropped elsewhere than in the callback of a device.
 //!
 //! **What is taken before it begins.** Room for 256 frames of all channels, lanes and one voice (blocks are rendered in such
 //! pieces), the rings, the limiter's frames, and the tables of the resampling kernels, which the worker makes as far
 //! as the fastest way in a slice needs them.
 //!
 //! **No denormals.** The audio thread has no recursion that decays: signals are read and convolved, and the limiter counts
-//! in whole numbers. What decays by itself, such as modes, does so in the worker.
+//! in whole numbers. What decays by itself, such as modes, does so in the worker. What is below −300 dB is 0 where recordings and
+//! synthesised sounds come in, in the gains of lanes and in what goes there.
 //!
 //! **No noise from numbers that are none.** They are left out where they would enter a bus, and where they would reach the
 //! device, and counted. The limiter changes no bit of what is not louder than full scale; see [`limiter`].
@@ -60,6 +68,7 @@
 //! | quantity | value |
 //! | --- | --- |
 //! | cost a voice | that of mixing; a slice more or less costs a copy of the segments that are heard in it |
+//! | a budget | two readings of the clock a slice and block; where there is no room for all, a pass over all threads |
 //! | memory | that of a mixer, and of slices for three times [`Settings::ahead_s`] |
 //!
 //! ```no_run
@@ -91,6 +100,7 @@
 pub mod deck;
 pub mod limiter;
 
+mod budget;
 mod counters;
 mod engine;
 mod feed;
@@ -104,6 +114,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 
+pub use budget::Clock;
 pub use counters::Statistics;
 pub use engine::{EngineSettings, replay, start};
 pub use feed::Delays;
@@ -117,6 +128,7 @@ use crate::synth::bus::Ringing;
 use crate::synth::mixer::{Cutter, Desk, Mixer};
 use crate::synth::voice::first_frame;
 use crate::{Error, Result};
+use budget::Budget;
 use counters::Counters;
 use limiter::Limiter;
 use player::{JOIN_S, PIECE_FRAMES, Running};
@@ -137,6 +149,11 @@ pub struct Settings {
     pub from_s: f64,
     /// Where all is over, in seconds; `None`: with the score.
     pub duration_s: Option<f64>,
+    /// Rendering a block may take this part of the time that the block lasts. Where it would take longer, the least audible
+    /// voices are released: they fade within 8 ms, and come back once there has been room for a while. Infinite, as it
+    /// is by default: none ever is, and what is played has the bits of a file however slow the machine is. What plays
+    /// through a device wants some 0.8.
+    pub budget: f32,
 }
 
 impl Default for Settings {
@@ -148,6 +165,7 @@ impl Default for Settings {
             catches_up: false,
             from_s: 0.0,
             duration_s: None,
+            budget: f32::INFINITY,
         }
     }
 }
@@ -166,7 +184,7 @@ pub fn part<L>(mut mixer: Mixer<L>, settings: Settings) -> Result<(Supply<L>, Pl
 where
     L: Iterator<Item = Result<ChannelLine>>,
 {
-    let Settings { ahead_s, slice_frames, slack_s, catches_up, from_s, duration_s } = settings;
+    let Settings { ahead_s, slice_frames, slack_s, catches_up, from_s, duration_s, budget } = settings;
     for (name, value_s) in [("ahead_s", ahead_s), ("slack_s", slack_s)] {
         if !(0.0..=LONGEST_AHEAD_S).contains(&value_s) {
             return Err(Error::new(format!("`{name}` is {value_s}, expected 0 to {LONGEST_AHEAD_S}")));
@@ -178,6 +196,9 @@ where
     }
     if !(from_s >= 0.0 && from_s.is_finite()) {
         return Err(Error::new(format!("it begins at {from_s} s, expected 0 or later")));
+    }
+    if budget.is_nan() || budget <= 0.0 {
+        return Err(Error::new(format!("`budget` is {budget}, expected more than 0")));
     }
     let (rate_hz, channels) = (mixer.voices().rate_hz(), mixer.voices().channels());
     let from = first_frame(from_s, rate_hz);
@@ -228,6 +249,8 @@ where
         held_mix: vec![0.0; PIECE_FRAMES * channels],
         rise: (0..join).map(rise).collect(),
         limiter: Limiter::new(channels, rate_hz),
+        // What is played unheard, to begin with, has time.
+        budget: Budget::new(f32::INFINITY, rate_hz),
         load: 0.0,
         not_numbers: 0,
         counters: counters.clone(),
@@ -255,5 +278,6 @@ where
             None => player.fill(&mut vec![0.0; frames * channels]),
         }
     }
+    player.budget = Budget::new(budget, rate_hz);
     Ok((supply, player))
 }

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
-use std::time::Instant;
 
 use rtrb::{Consumer, Producer};
 
+use super::budget::{Budget, Clock};
 use super::counters::{Counters, Statistics};
 use super::limiter::Limiter;
 use crate::synth::bus::{self, Ringing};
@@ -50,6 +50,7 @@ pub struct Player {
     /// How loud what comes next is while it is faded in.
     pub(super) rise: Box<[f64]>,
     pub(super) limiter: Limiter,
+    pub(super) budget: Budget,
     pub(super) load: f32,
     /// Samples on their way to buses that were no finite number.
     pub(super) not_numbers: u64,
@@ -73,6 +74,13 @@ pub(super) struct Held {
 }
 
 impl Player {
+    /// The same, whose time is told by another clock: a test has one that is made up.
+    #[must_use]
+    pub fn with_clock(mut self, clock: Box<dyn Clock>) -> Self {
+        self.budget.set_clock(clock);
+        self
+    }
+
     /// How many channels there are.
     pub fn channels(&self) -> usize {
         self.channels
@@ -116,7 +124,7 @@ impl Player {
 
     /// Fills a block of any length with interleaved frames. Samples behind the last whole frame are silent.
     pub fn fill(&mut self, block: &mut [f32]) {
-        let begun = Instant::now();
+        let begun_s = self.budget.now_s();
         let frames = block.len() / self.channels.max(1);
         let (whole, rest) = block.split_at_mut(frames * self.channels);
         rest.fill(0.0);
@@ -128,14 +136,18 @@ impl Player {
                 self.limiter.next((0..out.len()).map(|channel| mix[channel * count + n]), out);
             }
         }
-        self.tell(begun, frames);
+        self.tell(begun_s, frames);
     }
 
-    fn tell(&mut self, begun: Instant, frames: usize) {
-        let Counters { blocks, load, peak_load, limited_frames, not_numbers, .. } = &*self.counters;
+    fn tell(&mut self, begun_s: f64, frames: usize) {
+        let took_s = self.budget.now_s() - begun_s;
+        self.budget.block(took_s, frames);
+        let Counters { blocks, late_blocks, load, peak_load, limited_frames, not_numbers, .. } =
+            &*self.counters;
         blocks.fetch_add(1, Relaxed);
         if frames > 0 {
-            let part = (begun.elapsed().as_secs_f64() * self.rate_hz / frames as f64) as f32;
+            let part = (took_s * self.rate_hz / frames as f64) as f32;
+            late_blocks.fetch_add(u64::from(part > 1.0), Relaxed);
             self.load += 0.05 * (part - self.load);
             load.store((self.load * 1000.0) as u32, Relaxed);
             peak_load.fetch_max((part * 1000.0) as u32, Relaxed);
@@ -185,8 +197,8 @@ impl Player {
                 self.give_back(last);
                 self.counters.is_over.store(true, Relaxed);
             } else if (1..=self.most_slices).contains(&there) || there > 0 && self.joined.is_some() {
+                self.begin(Some(&last));
                 self.give_back(last);
-                self.begin();
             } else {
                 last.hold(self.rate_hz, HOLD_S + 4.0 * JOIN_S);
                 if let Some(before) = self.held.replace(Held { slice: last, frames: 0 }) {
@@ -198,7 +210,7 @@ impl Player {
                 } else {
                     self.skip(there - self.slices_before);
                     self.joined = Some(0);
-                    self.begin();
+                    self.begin_again();
                 }
             }
         } else if there >= self.slices_before || there > 0 && end != 0 {
@@ -208,7 +220,7 @@ impl Player {
                 self.skip(more);
             }
             self.joined = (self.has_begun || leaves_out).then_some(0);
-            self.begin();
+            self.begin_again();
         } else if there == 0 && end != 0 && self.frame + 1 >= end {
             self.counters.is_over.store(true, Relaxed);
         }
@@ -230,9 +242,19 @@ impl Player {
         }
     }
 
-    /// Begins with the next slice.
-    fn begin(&mut self) {
-        let Ok(slice) = self.slices.pop() else { return };
+    /// Begins with the next slice, behind what goes on meanwhile.
+    fn begin_again(&mut self) {
+        let held = self.held.take();
+        self.begin(held.as_ref().map(|held| &*held.slice));
+        self.held = held;
+    }
+
+    /// Begins with the next slice, behind another.
+    fn begin(&mut self, before: Option<&Slice>) {
+        let Ok(mut slice) = self.slices.pop() else { return };
+        if let Some(before) = before {
+            slice.follow(before, self.desk.fade());
+        }
         self.frame = slice.frames().start;
         self.counters.threads.store(slice.threads() as u32, Relaxed);
         self.counters.readings.store(slice.readings() as u32, Relaxed);
@@ -266,8 +288,16 @@ impl Player {
         if let Some(joined) = self.joined {
             frames = frames.min(self.rise.len() - joined);
         }
-        if let Some(current) = &self.current {
+        if let Some(current) = &mut self.current {
             frames = frames.min((current.frames().end - self.frame) as usize);
+            if self.budget.is_limited() {
+                let anyway = self.held.as_ref().map_or(0.0, |held| held.slice.read_work());
+                let [room, sure_room] = self.budget.room(anyway, frames);
+                let stolen = current.fit(room, sure_room, self.desk.fade());
+                self.counters.stolen.fetch_add(stolen, Relaxed);
+                self.counters.released.store(current.released() as u32, Relaxed);
+            }
+            let (begun_s, work) = (self.budget.begin(), current.read_work());
             let at = self.frame..self.frame + frames as u64;
             self.desk.add(current, at.clone(), &mut self.mix[..count * self.channels], (count, offset));
             for (number, bus) in self.buses.iter_mut().enumerate() {
@@ -280,6 +310,8 @@ impl Player {
                     (count, offset),
                 );
             }
+            self.budget.end(begun_s, work, frames);
+            current.advance(frames, self.desk.fade());
             self.frame = at.end;
         }
         if self.current.is_none() || self.joined.is_some() {
@@ -290,7 +322,7 @@ impl Player {
 
     /// Lets what comes next rise, and adds what goes on until then.
     fn fade(&mut self, frames: usize, offset: usize, count: usize) {
-        let Self { rise, channels, mix, held_mix, buses, counters, .. } = self;
+        let Self { rise, channels, mix, held_mix, buses, counters, budget, .. } = self;
         let rise = |n: usize| rise.get(n).copied().unwrap_or(1.0);
         let places = || (0..*channels).map(|channel| channel * count + offset).map(|at| at..at + frames);
         if let Some(joined) = self.joined {
@@ -311,6 +343,7 @@ impl Player {
             };
             let from = slice.frames().end + *since;
             let at = from..from + frames as u64;
+            let (begun_s, work) = (budget.begin(), slice.read_work());
             held_mix[..count * *channels].fill(0.0);
             self.desk.add(slice, at.clone(), &mut held_mix[..count * *channels], (count, offset));
             for place in places() {
@@ -325,6 +358,8 @@ impl Player {
                 scale_lanes(held, bus.lanes, offset..offset + frames, |n| falling(n) as f32);
                 bus.input.iter_mut().zip(held).for_each(|(to, held)| *to += *held);
             }
+            budget.end(begun_s, work, frames);
+            slice.advance(frames, self.desk.fade());
             *since += frames as u64;
             counters.held_frames.fetch_add(frames as u64, Relaxed);
             let is_silent = *since >= hold + self.rise.len() as u64;

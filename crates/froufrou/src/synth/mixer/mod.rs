@@ -4,6 +4,7 @@
 //! the block that is asked for, and forgets what has sounded. Its memory follows the number of
 //! threads that sound at once and the distance between their keys, not the length of the score.
 
+mod share;
 mod slice;
 mod voices;
 mod ways;
@@ -23,6 +24,7 @@ use super::receivers::Receiver;
 use super::sinc;
 use super::source::Source;
 use super::stretch::Stretch;
+use super::tiny;
 use super::voice::{Playback, Prototype};
 use crate::random::Random;
 use crate::score::{Action, Arrival, ChannelLine, Cue, LATEST_S, Start, Statement, Verb};
@@ -140,7 +142,13 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         let (mut names, mut soundings) = (BTreeMap::new(), Vec::new());
         for (name, sounding) in sounds {
             names.insert(name, soundings.len());
-            soundings.push(sounding);
+            soundings.push(match sounding {
+                Sounding::Recording(prototype) => {
+                    let samples = tiny::without(prototype.samples);
+                    Sounding::Recording(Prototype { samples, ..prototype })
+                }
+                instrument => instrument,
+            });
         }
         let colours = BandFilters::new(f64::from(rate_hz)).ok();
         let (mut paths, mut channels) = (0, 0);

@@ -16,6 +16,7 @@ use super::super::sinc::{self, Kernel, Samples};
 use super::super::stretch::Stretch;
 use super::super::voice::{self, Playback, Prototype, Signal};
 use super::Sounding;
+use super::share::{self, Levels, Shares};
 use super::voices::{Place, Scratch, Thread, Voices};
 
 /// What is heard of all threads between two frames.
@@ -35,11 +36,14 @@ pub struct Slice {
     samples: Vec<f32>,
     /// What passed filters.
     filtered: Vec<f64>,
+    /// Which threads are heard where time is short.
+    pub(super) shares: Shares,
 }
 
 /// A thread's signal.
 struct Heard {
     id: u64,
+    sound: usize,
     signal: Held,
     rate_hz: f64,
     playback: Playback,
@@ -136,6 +140,7 @@ impl Slice {
         self.samples.clear();
         self.filtered.clear();
         self.lanes.clear();
+        self.shares.clear();
     }
 
     fn signal<'a>(&'a self, heard: &'a Heard, kernel: Kernel) -> Signal<'a> {
@@ -209,8 +214,10 @@ pub struct Cutter {
     lanes: Vec<u64>,
     /// Kernels are made for ratios up to this.
     prepared: f64,
-    /// Where each thread's signal is in the slice.
-    indices: HashMap<u64, usize>,
+    /// Where each thread's signal is in the slice and in the one before, and how loud it is taken to be.
+    indices: HashMap<u64, (usize, f32)>,
+    before: HashMap<u64, (usize, f32)>,
+    levels: Levels,
     spread: [Vec<f32>; 2],
     scratch: Scratch,
 }
@@ -224,6 +231,8 @@ impl Cutter {
             lanes: vec![frame; voices.buses.len()],
             prepared: 1.0,
             indices: HashMap::new(),
+            before: HashMap::new(),
+            levels: Levels::new(voices),
             spread: [Vec::new(), Vec::new()],
             scratch: Scratch::default(),
         }
@@ -238,6 +247,7 @@ impl Cutter {
     /// ([`Mixer::read_to`](super::Mixer::read_to)) and not released.
     pub fn cut(&mut self, voices: &Voices, end: u64, slice: &mut Slice) {
         slice.clear();
+        std::mem::swap(&mut self.indices, &mut self.before);
         self.indices.clear();
         slice.frames = self.frame..end.max(self.frame);
         let frames = slice.frames.clone();
@@ -258,6 +268,13 @@ impl Cutter {
             );
             let begin = slice.gains.len();
             slice.gains.extend(reading.gains());
+            let channels = slice.gains.len() - begin;
+            let power = slice.gains[begin..].iter().map(power_of).sum();
+            let work = match &filtered {
+                Some(_) => 0.0,
+                None => work::LONG * ratio_of(voices, &slice.heard[heard], &segment).max(1.0),
+            };
+            slice.shares.add(heard, work::READING + work + work::CHANNEL * channels as f64, power);
             slice.readings.push(Kept {
                 heard,
                 segment: Segment { gain, ..segment },
@@ -279,12 +296,20 @@ impl Cutter {
                 way.gains(&stretch.segment, &thread.filters, &mut self.spread);
                 self.spread.iter().for_each(|gains| slice.spreads.extend(gains));
                 let spread = begin..slice.spreads.len();
+                let work = match (&filtered, signal.kernel) {
+                    (Some(_), _) => 0.0,
+                    (None, Kernel::Long) => work::LONG,
+                    (None, Kernel::Short) => work::SHORT,
+                } * ratio_of(voices, &slice.heard[heard], &stretch.segment).max(1.0);
+                let lanes = work::LANE * way.lanes() as f64;
+                slice.shares.add(heard, work::READING + work + lanes, power_of(&stretch.segment.gain));
                 slice.arrivals.push(KeptArrival { bus, heard, segment: stretch.segment, spread, filtered });
             }
             self.lanes[bus] = frames.end;
             slice.lanes.push(frames);
         }
         self.take_signals(voices, slice);
+        self.weigh(&frames, slice);
         self.frame = frames.end;
     }
 
@@ -307,10 +332,12 @@ impl Cutter {
             sinc::prepare(ratio);
             self.prepared = ratio;
         }
-        let at = *self.indices.entry(id).or_insert_with(|| {
+        let (at, _) = *self.indices.entry(id).or_insert_with(|| {
             let needed = [f64::INFINITY, f64::NEG_INFINITY];
-            slice.heard.push(Heard { id, signal, rate_hz, playback: thread.playback, needed });
-            slice.heard.len() - 1
+            let (sound, playback) = (thread.sound, thread.playback);
+            slice.heard.push(Heard { id, sound, signal, rate_hz, playback, needed });
+            slice.shares.push(self.before.get(&id).map(|(at, _)| *at));
+            (slice.heard.len() - 1, 0.0)
         });
         let [begin_s, end_s] = [frames.start, frames.end].map(|frame| {
             let arrival_s = (frame as f64 / voices.rate_hz).clamp(segment.begin_s, segment.end_s);
@@ -349,6 +376,25 @@ impl Cutter {
         Some(Filtered { frames, at, goes_on })
     }
 
+    /// Finds how loud each thread is.
+    fn weigh(&mut self, frames: &Range<u64>, slice: &mut Slice) {
+        let left = self.levels.left(frames.end - frames.start);
+        let Slice { heard, samples, shares, .. } = slice;
+        for (index, Heard { id, sound, signal, rate_hz, playback, needed }) in heard.iter().enumerate() {
+            let level = match signal {
+                Held::Recording(prototype) => {
+                    let within = needed.map(|at| at * playback.speed + playback.offset_s * rate_hz);
+                    self.levels.recording(*sound, prototype, within)
+                }
+                Held::Made(at, _) => share::level(&samples[at.clone()]),
+            };
+            let before = self.before.get(id).map_or(0.0, |(_, power)| left * power);
+            let power = shares.weigh(index, level, before);
+            self.indices.insert(*id, (index, power));
+        }
+        shares.sort();
+    }
+
     /// Copies what is read of synthesised sounds.
     fn take_signals(&self, voices: &Voices, slice: &mut Slice) {
         let Slice { heard, samples, .. } = slice;
@@ -375,6 +421,27 @@ pub struct Desk {
     buses: Vec<Bus>,
     voice: Vec<f64>,
     window: Vec<f32>,
+    /// How what is let go fades.
+    fade: Box<[f64]>,
+}
+
+/// What a reading takes in a frame, in multiplications of its kernel, as far as is needed to tell threads from one another.
+mod work {
+    pub const LONG: f64 = 320.0;
+    pub const SHORT: f64 = 96.0;
+    pub const READING: f64 = 60.0;
+    pub const CHANNEL: f64 = 10.0;
+    pub const LANE: f64 = 2.0;
+}
+
+/// The power with a gain that goes from one to another.
+fn power_of([begin, end]: &[f64; 2]) -> f64 {
+    (begin * begin).max(end * end)
+}
+
+/// At what ratio a thread is read along a segment at most.
+fn ratio_of(voices: &Voices, heard: &Heard, segment: &Segment) -> f64 {
+    segment.fastest() * heard.playback.speed * heard.rate_hz / voices.rate_hz
 }
 
 impl Desk {
@@ -382,7 +449,13 @@ impl Desk {
     pub fn new(voices: &Voices, most_frames: usize) -> Self {
         let window = Vec::with_capacity(2 * sinc::half_width(sinc::MAX_RATIO));
         let buses = voices.buses().cloned().collect();
-        Self { rate_hz: voices.rate_hz, buses, voice: vec![0.0; most_frames], window }
+        let (rate_hz, voice) = (voices.rate_hz, vec![0.0; most_frames]);
+        Self { rate_hz, buses, voice, window, fade: share::fade(rate_hz) }
+    }
+
+    /// The gains with which a thread is let go, frame by frame.
+    pub fn fade(&self) -> &[f64] {
+        &self.fade
     }
 
     /// Adds what channels hear directly in some frames of a slice, or behind it once it is held. Of each channel
@@ -396,6 +469,10 @@ impl Desk {
     ) {
         let count = (frames.end.saturating_sub(frames.start) as usize).min(self.voice.len());
         for kept in &slice.readings {
+            let share = slice.shares.of(kept.heard);
+            if share.is_silent(&self.fade) {
+                continue;
+            }
             let touched = self.read(
                 slice,
                 kept.heard,
@@ -406,6 +483,7 @@ impl Desk {
                 count,
             );
             let part = &mut self.voice[touched.clone()];
+            share.fade(&self.fade, touched.start, part);
             let place = Place {
                 first_channel: kept.first_channel,
                 stride,
@@ -432,6 +510,10 @@ impl Desk {
         let count = (frames.end.saturating_sub(frames.start) as usize).min(self.voice.len());
         let mut arrived = false;
         for kept in slice.arrivals.iter().filter(|kept| kept.bus == bus) {
+            let share = slice.shares.of(kept.heard);
+            if share.is_silent(&self.fade) {
+                continue;
+            }
             let segment = Segment { gain: [1.0; 2], ..kept.segment };
             let touched = self.read(slice, kept.heard, &segment, &kept.filtered, kernel, frames.start, count);
             if touched.is_empty() {
@@ -439,6 +521,7 @@ impl Desk {
             }
             arrived = true;
             let part = &mut self.voice[touched.clone()];
+            share.fade(&self.fade, touched.start, part);
             let (begin, change) = slice.spreads[kept.spread.clone()].split_at(kept.spread.len() / 2);
             pulp::Arch::new().dispatch(Spreading {
                 samples: part,
