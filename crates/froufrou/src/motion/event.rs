@@ -6,9 +6,9 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::json_lines::JsonLines;
 use super::rub::Rubbing;
 use crate::Result;
+use crate::json_lines::JsonLines;
 
 /// The longest line of an event file that is read, in bytes.
 pub const LONGEST_LINE_BYTES: usize = 1 << 20;

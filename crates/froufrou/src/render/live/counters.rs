@@ -22,6 +22,9 @@ pub(super) struct Counters {
     /// In thousandths.
     pub load: AtomicU32,
     pub peak_load: AtomicU32,
+    pub slow_blocks: AtomicU64,
+    /// The bits of a number.
+    pub peak: AtomicU32,
 }
 
 /// What has happened on the audio thread since it began.
@@ -51,6 +54,10 @@ pub struct Statistics {
     pub load: f32,
     /// And the slowest block so far.
     pub peak_load: f32,
+    /// Blocks that took longer than they sound.
+    pub slow_blocks: u64,
+    /// The loudest sample of the last block, 1 being full scale.
+    pub peak: f32,
 }
 
 impl Counters {
@@ -69,6 +76,8 @@ impl Counters {
             not_numbers: self.not_numbers.load(Relaxed),
             load: thousandths(&self.load),
             peak_load: thousandths(&self.peak_load),
+            slow_blocks: self.slow_blocks.load(Relaxed),
+            peak: f32::from_bits(self.peak.load(Relaxed)),
         }
     }
 }

@@ -1,8 +1,8 @@
 //! An engine: a scene, a worker that turns what is told into sound, and the two ends of it.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Acquire;
+use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::Duration;
 
@@ -77,12 +77,13 @@ pub fn start(scene: Scene, settings: EngineSettings) -> Result<(Handle, Player)>
     }
     let (told, coming) = rtrb::RingBuffer::new(settings.room.clamp(16, 1 << 24));
     let stop = Arc::new(AtomicBool::new(false));
+    let taken = Arc::new(AtomicU64::new(0));
     let fault = Arc::new(Mutex::new(None));
     let (ready, opened) = mpsc::sync_channel(1);
     let spawned = {
-        let (stop, fault) = (stop.clone(), fault.clone());
+        let (stop, fault, taken) = (stop.clone(), fault.clone(), taken.clone());
         std::thread::Builder::new().name("froufrou".into()).spawn(move || {
-            let run = work(scene, &settings, coming, &stop, &fault, &ready);
+            let run = work(scene, &settings, (coming, taken), &stop, &fault, &ready);
             if let Err(error) = run {
                 *fault.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
             }
@@ -97,6 +98,8 @@ pub fn start(scene: Scene, settings: EngineSettings) -> Result<(Handle, Player)>
     };
     let handle = Handle {
         told,
+        count: 0,
+        taken,
         bodies: BTreeMap::new(),
         movers,
         listener,
@@ -125,7 +128,7 @@ struct Opened {
 fn work(
     scene: Scene,
     settings: &EngineSettings,
-    told: rtrb::Consumer<Told>,
+    (told, taken): (rtrb::Consumer<Told>, Arc<AtomicU64>),
     stop: &Arc<AtomicBool>,
     fault: &Mutex<Option<Error>>,
     ready: &mpsc::SyncSender<Opened>,
@@ -148,7 +151,7 @@ fn work(
         }
         Ok(())
     })?;
-    let feed = Feed::new(told, settings.contact_step_s, fed, stop.clone());
+    let feed = Feed::new(told, settings.contact_step_s, fed, stop.clone(), taken);
     let header = production.channel_header();
     let receivers = receivers::load(&header, &production.scene.folder, settings.rate_hz)?;
     let rate_hz = f64::from(settings.rate_hz);

@@ -1,8 +1,8 @@
 //! What a handle tells, as events of a scene in order of time.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering::Acquire;
+use std::sync::atomic::Ordering::{Acquire, Release};
+use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::time::Duration;
 
 use rtrb::Consumer;
@@ -11,15 +11,14 @@ use super::handle::MoverId;
 use crate::Result;
 use crate::motion::event::{Cause, Event, LogRows};
 use crate::motion::impact::{Settings, Step};
-use crate::motion::lives::Lives;
-use crate::scene::contact_log::ContactRow;
+use crate::motion::lives::{Lives, Touch};
 use crate::scene::fed::{Fed, FedPose};
 
 /// What a handle tells.
 pub(super) enum Told {
     /// The next body has this name.
     Body(Arc<str>),
-    Contact(ContactRow),
+    Contact(Touch),
     Pose(MoverId, f64, FedPose),
     /// All that happens before has been told.
     Advance(f64),
@@ -34,23 +33,39 @@ pub(super) struct Feed {
     told: Consumer<Told>,
     names: Vec<Arc<str>>,
     lives: Lives,
+    step_s: f64,
     movers: Vec<Arc<Fed>>,
     /// What was told last to be known, and what of it has been passed on.
     known_s: f64,
     passed_s: f64,
     stop: Arc<AtomicBool>,
+    /// How much was taken of what was told, known to the handle once there is no more.
+    taken: Arc<AtomicU64>,
+    count: u64,
 }
 
 impl Feed {
-    pub fn new(told: Consumer<Told>, step_s: f64, movers: Vec<Arc<Fed>>, stop: Arc<AtomicBool>) -> Self {
-        let lives = Lives::new(Settings::new(Step::Fixed(step_s)));
-        Self { told, names: Vec::new(), lives, movers, known_s: 0.0, passed_s: 0.0, stop }
+    pub fn new(
+        told: Consumer<Told>,
+        step_s: f64,
+        movers: Vec<Arc<Fed>>,
+        stop: Arc<AtomicBool>,
+        taken: Arc<AtomicU64>,
+    ) -> Self {
+        let (lives, names) = (Lives::new(Settings::new(Step::Fixed(step_s))), Vec::new());
+        let (known_s, passed_s, count) = (0.0, 0.0, 0);
+        Self { told, names, lives, step_s, movers, known_s, passed_s, stop, taken, count }
     }
 
     fn take(&mut self, told: Told) -> Result<()> {
         match told {
             Told::Body(name) => self.names.push(name),
-            Told::Contact(row) => self.lives.feed(&row, [None; 2])?,
+            Told::Contact(touch) => {
+                // Within its step, whoever told it.
+                let end_s = touch.row.time_s;
+                let at_s = touch.at_s.map(|at_s| at_s.clamp(end_s - self.step_s, end_s));
+                self.lives.touch(&Touch { at_s, ..touch })?;
+            }
             Told::Pose(mover, time_s, pose) => {
                 if let Some(fed) = self.movers.get(mover.0) {
                     fed.push(time_s, pose);
@@ -84,12 +99,16 @@ impl Iterator for Feed {
             }
             match self.told.pop() {
                 Ok(told) => {
+                    self.count += 1;
                     if let Err(fault) = self.take(told) {
                         return Some(Err(fault));
                     }
                 }
                 Err(_) if self.stop.load(Acquire) => return None,
-                Err(_) => std::thread::park_timeout(NAP),
+                Err(_) => {
+                    self.taken.store(self.count, Release);
+                    std::thread::park_timeout(NAP);
+                }
             }
         }
     }

@@ -2,14 +2,15 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering::Release;
+use std::sync::atomic::Ordering::{Acquire, Release};
+use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::thread::JoinHandle;
 
 use rtrb::Producer;
 
 use super::counters::{Counters, Statistics};
 use super::feed::Told;
+use crate::motion::lives::Touch;
 use crate::scene::contact_log::{ContactRow, Push};
 use crate::scene::fed::FedPose;
 use crate::score::LATEST_S;
@@ -82,6 +83,9 @@ pub struct Left {
 /// ```
 pub struct Handle {
     pub(super) told: Producer<Told>,
+    /// How much was told, and how much of it the worker had taken when it last waited for more.
+    pub(super) count: u64,
+    pub(super) taken: Arc<AtomicU64>,
     pub(super) bodies: BTreeMap<String, BodyId>,
     pub(super) movers: BTreeMap<String, MoverId>,
     pub(super) listener: Option<MoverId>,
@@ -130,15 +134,37 @@ impl Handle {
     ///
     /// # Errors
     /// What is told is left out, and counted.
-    pub fn contact(&mut self, [a, b]: [BodyId; 2], row: &ContactRow) -> Result<(), Refused> {
+    pub fn contact(&mut self, bodies: [BodyId; 2], row: &ContactRow) -> Result<(), Refused> {
+        self.touch(bodies, &Touch::from(row.clone()))
+    }
+
+    /// The same, with what is known of how the bodies move: so what rolls is told apart from what slides, and where on both they
+    /// touch. A time within the step lets an impact be where it belongs.
+    ///
+    /// # Errors
+    /// What is told is left out, and counted.
+    pub fn touch(&mut self, [a, b]: [BodyId; 2], touch: &Touch) -> Result<(), Refused> {
+        let Touch { row, states, at_s } = touch;
         let (Push::Force(push) | Push::Impulse(push)) = row.push;
         let named = [("time_s", row.time_s), ("push", push)].into_iter();
         let named = named.chain(row.position_m.map(|c| ("position_m", c)));
         let named = named.chain(row.normal.into_iter().flatten().map(|c| ("normal", c)));
         let named = named.chain(row.normal_velocity_mps.map(|v| ("normal_velocity_mps", v)));
-        let mut named = named.chain(row.sliding_mps.map(|v| ("sliding_mps", v)));
+        let named = named.chain(row.sliding_mps.map(|v| ("sliding_mps", v)));
+        let named = named.chain(at_s.map(|at_s| ("at_s", at_s)));
+        let moving = states.iter().flatten().flat_map(|state| {
+            let place = state.position_m.map(|c| ("position_m", c)).into_iter();
+            let place = place.chain(state.rotation.map(|c| ("rotation", c)));
+            let place = place.chain(state.velocity_mps.map(|c| ("velocity_mps", c)));
+            place.chain(state.angular_velocity_rps.map(|c| ("angular_velocity_rps", c)))
+        });
+        let mut named = named.chain(moving);
         if let Some((name, _)) = named.find(|(_, number)| number.abs() > FARTHEST || number.is_nan()) {
             return self.leave(Refused::NotFinite(name));
+        }
+        let turns = states.iter().flatten().map(|state| state.rotation.iter().map(|c| c * c).sum::<f64>());
+        if turns.into_iter().any(|square| (square - 1.0).abs() > MOST_STRETCHED) {
+            return self.leave(Refused::NotFinite("rotation"));
         }
         if !(0.0..=LATEST_S).contains(&row.time_s) || row.time_s < self.known_s.max(self.contact_s) {
             return self.leave(Refused::Earlier);
@@ -148,7 +174,7 @@ impl Handle {
         }
         let row = ContactRow { a: a.0, b: b.0, line: self.rows + 1, ..row.clone() };
         let time_s = row.time_s;
-        self.tell(Told::Contact(row))?;
+        self.tell(Told::Contact(Touch { row, ..touch.clone() }))?;
         (self.contact_s, self.rows) = (time_s, self.rows + 1);
         Ok(())
     }
@@ -197,28 +223,43 @@ impl Handle {
         }
         self.known_s = time_s;
         self.owed_s = Some(time_s);
-        if self.told.push(Told::Advance(time_s)).is_ok() {
-            self.owed_s = None;
-        }
+        self.pay();
         if let Some(worker) = &self.worker {
             worker.thread().unpark();
         }
         Ok(())
     }
 
-    fn tell(&mut self, told: Told) -> Result<(), Refused> {
+    /// Says a time that there was no room for, if there is now.
+    fn pay(&mut self) {
         if let Some(time_s) = self.owed_s
             && self.told.push(Told::Advance(time_s)).is_ok()
         {
             self.owed_s = None;
+            self.count += 1;
         }
+    }
+
+    fn tell(&mut self, told: Told) -> Result<(), Refused> {
+        self.pay();
         if self.owed_s.is_some() || self.told.push(told).is_err() {
             return self.leave(Refused::Full);
         }
+        self.count += 1;
         Ok(())
     }
 
-    fn leave<T>(&mut self, why: Refused) -> Result<T, Refused> {
+    /// How much more can be told before the worker takes some.
+    pub fn room(&self) -> usize {
+        self.told.slots()
+    }
+
+    /// Whether the worker has made all that it can of what was told, and waits for more.
+    pub fn is_waiting(&self) -> bool {
+        self.taken.load(Acquire) == self.count
+    }
+
+    pub(super) fn leave<T>(&mut self, why: Refused) -> Result<T, Refused> {
         match why {
             Refused::NotFinite(_) => self.left.not_finite += 1,
             Refused::Earlier => self.left.earlier += 1,
@@ -267,6 +308,9 @@ impl Drop for Handle {
         }
     }
 }
+
+/// The square of the length of a body's rotation is no further from 1.
+const MOST_STRETCHED: f64 = 0.01;
 
 /// No number that is told may be further from 0.
 const FARTHEST: f64 = 1e12;

@@ -90,7 +90,9 @@
 
 pub mod deck;
 pub mod limiter;
+pub mod lines;
 
+mod capture;
 mod counters;
 mod engine;
 mod feed;
@@ -102,6 +104,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 
+pub use capture::Capture;
 pub use counters::Statistics;
 pub use engine::{EngineSettings, start};
 pub use handle::{BodyId, Handle, Left, MoverId, Refused};

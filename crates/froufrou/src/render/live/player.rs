@@ -121,17 +121,21 @@ impl Player {
                 self.limiter.next((0..out.len()).map(|channel| mix[channel * count + n]), out);
             }
         }
+        let peak = block.iter().fold(0.0f32, |peak, sample| peak.max(sample.abs()));
+        self.counters.peak.store(peak.to_bits(), Relaxed);
         self.tell(begun, frames);
     }
 
     fn tell(&mut self, begun: Instant, frames: usize) {
-        let Counters { blocks, load, peak_load, limited_frames, not_numbers, .. } = &*self.counters;
+        let Counters { blocks, load, peak_load, slow_blocks, limited_frames, not_numbers, .. } =
+            &*self.counters;
         blocks.fetch_add(1, Relaxed);
         if frames > 0 {
             let part = (begun.elapsed().as_secs_f64() * self.rate_hz / frames as f64) as f32;
             self.load += 0.05 * (part - self.load);
             load.store((self.load * 1000.0) as u32, Relaxed);
             peak_load.fetch_max((part * 1000.0) as u32, Relaxed);
+            slow_blocks.fetch_add(u64::from(part > 1.0), Relaxed);
         }
         let [limited, strange] = self.limiter.counts();
         limited_frames.store(limited, Relaxed);
