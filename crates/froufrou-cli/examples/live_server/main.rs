@@ -113,14 +113,20 @@ fn play(folder: &Path, seconds: f64, block_frames: u32, contacts: usize, ahead_s
     let (samples, given) = rtrb::RingBuffer::new(RATE_HZ as usize * CHANNELS * 4);
     let (blocks, asked) = rtrb::RingBuffer::new(1 << 14);
     let is_over = Arc::new(AtomicBool::new(false));
-    let begun = Instant::now();
+    let opened = Instant::now();
     let writer = {
         let (folder, is_over) = (folder.to_owned(), is_over.clone());
         std::thread::spawn(move || write(&folder, given, asked, &is_over))
     };
     let home = Home::new();
-    let playing = output.play(Tap { player, begun, samples, blocks, is_over: is_over.clone() }, &home)?;
+    let playing =
+        output.play(Tap { player, begun: opened, samples, blocks, is_over: is_over.clone() }, &home)?;
     let mut pairs = load::Pairs::new(&mut handle, contacts)?;
+    // A device takes a while to begin.
+    while handle.statistics().blocks == 0 && opened.elapsed() < Duration::from_secs(10) {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let begun = Instant::now();
     let frames = (seconds * 60.0) as u32;
     let (mut last, mut told) = (handle.statistics(), (0.0f64, 0));
     for frame in 1..=frames {

@@ -15,6 +15,7 @@ use crate::motion::lives::{Lives, Touch};
 use crate::scene::fed::{Fed, FedPose};
 
 /// What a handle tells.
+#[allow(clippy::large_enum_variant)] // Contacts are most of it, and a game thread takes no memory for them.
 pub(super) enum Told {
     /// The next body has this name.
     Body(Arc<str>),
