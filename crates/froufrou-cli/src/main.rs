@@ -11,7 +11,6 @@ mod files;
 mod grains;
 mod info;
 mod mix;
-#[cfg(feature = "device")]
 mod play;
 mod plot;
 mod progress;
@@ -49,7 +48,6 @@ enum Command {
     Events(events::Events),
     Score(score::Score),
     Mix(mix::Mix),
-    #[cfg(feature = "device")]
     Play(play::Play),
     #[cfg(feature = "device")]
     Devices(play::Devices),
@@ -71,7 +69,6 @@ fn main() -> ExitCode {
         Command::Events(command) => command.run(),
         Command::Score(command) => command.run(),
         Command::Mix(command) => command.run(),
-        #[cfg(feature = "device")]
         Command::Play(command) => command.run(),
         #[cfg(feature = "device")]
         Command::Devices(command) => command.run(),

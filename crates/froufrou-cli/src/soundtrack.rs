@@ -98,7 +98,7 @@ fn finite(text: &str, what: &str) -> Result<f64, String> {
     }
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
+pub fn seconds(text: &str) -> Result<f64, String> {
     match finite(text, "a number of seconds")? {
         number if number >= 0.0 => Ok(number),
         _ => Err("expected a number of seconds from 0 on".into()),
@@ -112,7 +112,7 @@ fn decibels(text: &str) -> Result<f64, String> {
     }
 }
 
-fn sample_format(text: &str) -> Result<SampleFormat, String> {
+pub fn sample_format(text: &str) -> Result<SampleFormat, String> {
     text.parse().map_err(|error: Error| error.to_string())
 }
 

@@ -1,5 +1,6 @@
-//! What happens in a running [rapier3d](https://rapier.rs) simulation, as [events](froufrou::motion::Event): impacts with
-//! times within the step, slides and rolls.
+//! What happens in a running [rapier3d](https://rapier.rs) simulation, to be heard at once ([`Live`]) or as
+//! [events](froufrou::motion::Event) ([`Listener`]): impacts with times within the step, slides and rolls. Both take the
+//! same from a step and find the same in it.
 //!
 //! After each `PhysicsPipeline::step` one call of [`Listener::feed`] takes the contacts that the step solved; what has
 //! settled comes out of [`Listener::pop`].
@@ -52,70 +53,44 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
+mod contacts;
+mod live;
+
 use std::collections::HashMap;
+use std::ops::ControlFlow;
+
+pub use live::Live;
 
 use froufrou::motion::Event;
-use froufrou::motion::body::BodyState;
 use froufrou::motion::event::{Cause, Moved};
 use froufrou::motion::impact::{Settings, Step};
-use froufrou::motion::lives::{Found, Lives};
-use froufrou::scene::contact_log::{ContactRow, Push};
+use froufrou::motion::lives::{Found, Lives, Touch};
+use froufrou::scene::contact_log::ContactRow;
 use froufrou::{Error, Result};
-use rapier3d::geometry::{ContactPair, NEW_CONTACT_BIT};
-use rapier3d::prelude::{
-    ColliderHandle, ColliderSet, NarrowPhase, RigidBody, RigidBodyHandle, RigidBodySet, Vector,
-};
+use rapier3d::prelude::{ColliderHandle, ColliderSet, NarrowPhase, RigidBodyHandle, RigidBodySet};
+
+use contacts::{Contacts, Who};
 
 /// So many steps back the causes of events may lie.
 const STEPS: usize = 512;
-
-/// Who touches: a body, or a collider without one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum Who {
-    Body(RigidBodyHandle),
-    Collider(ColliderHandle),
-}
-
-/// Where a body is, and where it was before the step.
-#[derive(Debug, Clone, Copy)]
-struct Moving {
-    handle: RigidBodyHandle,
-    before: BodyState,
-    now: BodyState,
-}
 
 /// Follows the contacts of a simulation.
 #[derive(Debug)]
 pub struct Listener {
     lives: Lives,
+    contacts: Contacts,
     numbers: HashMap<Who, u32>,
     names: Vec<String>,
-    /// By the index of the handle.
-    moving: Vec<Option<Moving>>,
-    step_s: f64,
     /// The ends of the last steps, by their number modulo [`STEPS`].
     ends_s: Vec<f64>,
-    steps: u64,
 }
 
-fn vector(v: Vector) -> [f64; 3] {
-    [v.x, v.y, v.z].map(f64::from)
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    (0..3).map(|i| a[i] * b[i]).sum()
-}
-
-/// How a body moves; its origin is that of rapier's, not its centre of mass.
-fn state(body: &RigidBody) -> BodyState {
-    let rotation = body.rotation();
-    let origin = body.translation();
-    BodyState {
-        position_m: vector(origin),
-        rotation: [rotation.x, rotation.y, rotation.z, rotation.w].map(f64::from),
-        velocity_mps: vector(body.velocity_at_point(origin)),
-        angular_velocity_rps: vector(body.angvel()),
-    }
+/// The number of one that touches; the first time it gets one, and a name.
+fn number(numbers: &mut HashMap<Who, u32>, names: &mut Vec<String>, who: Who) -> u32 {
+    *numbers.entry(who).or_insert_with(|| {
+        names.push(who.name());
+        names.len() as u32 - 1
+    })
 }
 
 impl Listener {
@@ -123,12 +98,10 @@ impl Listener {
     pub fn new(step_s: f64) -> Self {
         Self {
             lives: Lives::new(Settings::new(Step::Fixed(step_s))),
+            contacts: Contacts::new(step_s),
             numbers: HashMap::new(),
             names: Vec::new(),
-            moving: Vec::new(),
-            step_s,
             ends_s: vec![0.0; STEPS],
-            steps: 0,
         }
     }
 
@@ -144,21 +117,10 @@ impl Listener {
     }
 
     fn rename(&mut self, who: Who, name: String) {
-        let number = self.number(who) as usize;
+        let number = number(&mut self.numbers, &mut self.names, who) as usize;
         if let Some(old) = self.names.get_mut(number) {
             *old = name;
         }
-    }
-
-    fn number(&mut self, who: Who) -> u32 {
-        let names = &mut self.names;
-        *self.numbers.entry(who).or_insert_with(|| {
-            names.push(match who {
-                Who::Body(body) => format!("body {}", body.into_raw_parts().0),
-                Who::Collider(collider) => format!("collider {}", collider.into_raw_parts().0),
-            });
-            names.len() as u32 - 1
-        })
     }
 
     /// Takes what the step that ended at a time has solved.
@@ -176,107 +138,17 @@ impl Listener {
             return Err(Error::new(format!("the time of a step is {time_s}")));
         }
         self.lives.advance(time_s)?;
-        self.steps += 1;
-        self.ends_s[self.steps as usize % STEPS] = time_s;
-        for (handle, body) in bodies.iter() {
-            let index = handle.into_raw_parts().0 as usize;
-            if index >= self.moving.len() {
-                self.moving.resize(index + 1, None);
+        let Self { lives, contacts, numbers, names, ends_s } = self;
+        let told = contacts.step(time_s, narrow_phase, bodies, colliders, |who, touch| {
+            let [a, b] = who.map(|who| number(numbers, names, who));
+            let row = ContactRow { a, b, ..touch.row };
+            match lives.touch(&Touch { row, ..touch }) {
+                Ok(()) => ControlFlow::Continue(()),
+                Err(fault) => ControlFlow::Break(fault),
             }
-            let now = state(body);
-            let before = self.moving[index].filter(|moving| moving.handle == handle);
-            let before = before.map_or(now, |moving| moving.now);
-            self.moving[index] = Some(Moving { handle, before, now });
-        }
-        for pair in narrow_phase.contact_pairs() {
-            self.take(time_s, pair, bodies, colliders)?;
-        }
-        Ok(())
-    }
-
-    fn take(
-        &mut self,
-        time_s: f64,
-        pair: &ContactPair,
-        bodies: &RigidBodySet,
-        colliders: &ColliderSet,
-    ) -> Result<()> {
-        let handles = [pair.collider1, pair.collider2];
-        let parents = handles.map(|handle| colliders.get(handle).and_then(|collider| collider.parent()));
-        // What sleeps has the impulses of the step in which it fell asleep.
-        let awake =
-            |body: &RigidBodyHandle| bodies.get(*body).is_some_and(|b| b.is_dynamic() && !b.is_sleeping());
-        if !parents.iter().flatten().any(awake) || parents[0] == parents[1] {
-            return Ok(());
-        }
-        let mut touches = false;
-        for manifold in pair.solver_manifolds() {
-            touches |= !manifold.data.solver_contacts.is_empty();
-        }
-        if !touches {
-            return Ok(());
-        }
-        let who = |i: usize| parents[i].map_or(Who::Collider(handles[i]), Who::Body);
-        let [a, b] = [self.number(who(0)), self.number(who(1))];
-        let moving = parents.map(|body| {
-            let handle = body?;
-            self.moving.get(handle.into_raw_parts().0 as usize).copied().flatten()
         });
-        // Contacts are those of the step's beginning, and how bodies move then is how they go on.
-        let states = moving.map(|moving| {
-            moving.map(|Moving { before, now, .. }| BodyState {
-                velocity_mps: now.velocity_mps,
-                angular_velocity_rps: now.angular_velocity_rps,
-                ..before
-            })
-        });
-        let before = moving.map(|moving| moving.map_or(BodyState::STILL, |moving| moving.before));
-        for manifold in pair.solver_manifolds() {
-            // From the first collider to the second.
-            let normal = vector(manifold.data.normal);
-            for contact in &manifold.data.solver_contacts {
-                let id = (contact.contact_id[0] & !NEW_CONTACT_BIT) as usize;
-                let Some(point) = manifold.points.get(id) else { continue };
-                let impulse_ns = f64::from(point.data.impulse);
-                if impulse_ns <= 0.0 {
-                    continue;
-                }
-                // The anchors ride on the bodies from the step's beginning, but for those in the world.
-                let dominance = manifold.data.relative_dominance;
-                let anchors = [(contact.anchor1, dominance > 0), (contact.anchor2, dominance < 0)];
-                let on: [[f64; 3]; 2] = std::array::from_fn(|i| {
-                    let (anchor, in_world) = anchors[i];
-                    let body = parents[i].filter(|_| !in_world).and_then(|body| bodies.get(body));
-                    body.map_or(vector(anchor), |body| {
-                        before[i].world_m(vector(body.mass_properties().local_mprops.local_com + anchor))
-                    })
-                });
-                let position_m: [f64; 3] = std::array::from_fn(|i| 0.5 * (on[0][i] + on[1][i]));
-                let [va, vb] = before.map(|state| state.velocity_at(position_m));
-                let between: [f64; 3] = std::array::from_fn(|i| vb[i] - va[i]);
-                let apart_mps = dot(between, normal);
-                let along: [f64; 3] = std::array::from_fn(|i| between[i] - apart_mps * normal[i]);
-                let at_s = (apart_mps < 0.0).then(|| {
-                    let closed_s = f64::from(contact.dist) / -apart_mps;
-                    (time_s - self.step_s + closed_s).clamp(time_s - self.step_s, time_s)
-                });
-                let row = ContactRow {
-                    time_s,
-                    a,
-                    b,
-                    position_m,
-                    push: Push::Impulse(impulse_ns),
-                    normal: Some(normal),
-                    normal_velocity_mps: Some(apart_mps),
-                    sliding_mps: Some(dot(along, along).sqrt()),
-                    line: self.steps,
-                };
-                self.lives.feed_impact(&row, states, at_s)?;
-                // How they slide now follows from how they move now.
-                self.lives.feed_rub(&ContactRow { sliding_mps: None, ..row }, states)?;
-            }
-        }
-        Ok(())
+        ends_s[contacts.steps() as usize % STEPS] = time_s;
+        told.break_value().map_or(Ok(()), Err)
     }
 
     /// Says that no step follows; all events can then be taken.
@@ -293,12 +165,12 @@ impl Listener {
 
     fn event(&self, found: Found) -> Event {
         let [first, last] = found.lines();
-        let known = |step: u64| self.steps.saturating_sub(step) < STEPS as u64;
+        let known = |step: u64| self.contacts.steps().saturating_sub(step) < STEPS as u64;
         let end_s = |step: u64| self.ends_s[step as usize % STEPS];
         let moved = if known(first) && known(last) {
-            Moved { from_s: end_s(first) - self.step_s, to_s: end_s(last) }
+            Moved { from_s: end_s(first) - self.contacts.step_s(), to_s: end_s(last) }
         } else {
-            Moved { from_s: found.time_s() - self.step_s, to_s: found.time_s() }
+            Moved { from_s: found.time_s() - self.contacts.step_s(), to_s: found.time_s() }
         };
         let names = found.bodies().map(|body| self.names.get(body as usize).map_or("", String::as_str));
         found.event(names, Cause::Motion(moved))

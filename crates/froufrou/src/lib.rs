@@ -12,6 +12,7 @@
 pub mod corpus;
 pub mod error;
 mod hermite;
+mod json_lines;
 pub mod motion;
 pub mod random;
 pub mod render;

@@ -7,9 +7,9 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::json_lines::JsonLines;
 use super::rub::Rubbing;
 use crate::Result;
+use crate::json_lines::JsonLines;
 use crate::scene::fed::Fed;
 
 /// The longest line of an event file that is read, in bytes.

@@ -97,15 +97,15 @@ impl Blow {
     }
 }
 
-/// A contact of two bodies in a step of a simulation, with what is known besides.
+/// A contact point of a step of a simulation that runs, and what is known of its two bodies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Touch {
-    /// The contact.
+    /// What the step says of it. Its velocities are those with which they came into the step.
     pub row: ContactRow,
-    /// How its bodies move, in the order of the row, as far as that is known: who is not known stands still if the other one
-    /// is.
+    /// How the bodies of the row move behind the step, as far as that is known: who is not known stands still if the other
+    /// one is.
     pub states: [Option<BodyState>; 2],
-    /// When in its step it acts, in seconds, where that is known.
+    /// When in its step they touch, in seconds, where that is known.
     pub at_s: Option<f64>,
 }
 
@@ -150,6 +150,20 @@ impl Lives {
     pub fn feed(&mut self, row: &ContactRow, states: [Option<BodyState>; 2]) -> Result<()> {
         self.feed_impact(row, states, None)?;
         self.feed_rub(row, states)
+    }
+
+    /// Takes the next contact point of a simulation that runs.
+    ///
+    /// # Errors
+    /// As [`Lives::feed`].
+    pub fn touch(&mut self, touch: &Touch) -> Result<()> {
+        let Touch { row, states, at_s } = touch;
+        self.feed_impact(row, *states, *at_s)?;
+        if *states == [None; 2] {
+            return self.feed_rub(row, *states);
+        }
+        // How they slide now follows from how they move now.
+        self.feed_rub(&ContactRow { sliding_mps: None, ..row.clone() }, *states)
     }
 
     /// Takes a row that tells of impacts alone, and when in its step it acts, where that is known.

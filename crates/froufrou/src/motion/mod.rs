@@ -5,7 +5,6 @@ pub mod cloth;
 pub mod contacts;
 pub mod event;
 pub mod impact;
-mod json_lines;
 pub mod lives;
 mod momentum;
 pub mod moving;

@@ -17,8 +17,8 @@ use glam::DVec3;
 use serde::Deserialize;
 
 use super::sheet::{Lie, NONE, Sheet};
+use crate::json_lines::JsonLines;
 use crate::motion::cloth::triangulation::Triangulation;
-use crate::motion::json_lines::JsonLines;
 use crate::scene::animation::Mesh;
 use crate::{Error, Result};
 

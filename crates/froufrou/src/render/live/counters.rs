@@ -25,6 +25,8 @@ pub(super) struct Counters {
     /// In thousandths.
     pub load: AtomicU32,
     pub peak_load: AtomicU32,
+    /// The bits of a number.
+    pub peak: AtomicU32,
 }
 
 /// What has happened on the audio thread since it began.
@@ -60,6 +62,8 @@ pub struct Statistics {
     pub load: f32,
     /// And the slowest block so far.
     pub peak_load: f32,
+    /// The loudest sample of the last block, 1 being full scale.
+    pub peak: f32,
 }
 
 impl Counters {
@@ -81,6 +85,7 @@ impl Counters {
             not_numbers: self.not_numbers.load(Relaxed),
             load: thousandths(&self.load),
             peak_load: thousandths(&self.peak_load),
+            peak: f32::from_bits(self.peak.load(Relaxed)),
         }
     }
 }

@@ -1,12 +1,11 @@
 //! An engine: a scene, a worker that turns what is told into sound, and the two ends of it.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Acquire;
 use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
-use super::feed::{Delays, Faults, Feed};
+use super::feed::{Delays, Feed, Wires};
 use super::handle::{Bodies, Handle, Latency, Left, MoverId, Movers};
 use super::meshes::Meshes;
 use super::told::Told;
@@ -38,6 +37,8 @@ pub struct EngineSettings {
     pub slice_frames: usize,
     /// See [`Settings::budget`]: 0.8 by default, for an engine plays through a device.
     pub budget: f32,
+    /// See [`Settings::catches_up`]: it does by default, so that the latency stays as it is said.
+    pub catches_up: bool,
     /// So much can be told before the worker takes it: contacts, poses, meshes and times.
     pub room: usize,
     /// The objects that are moved by the handle, by their names.
@@ -57,6 +58,7 @@ impl Default for EngineSettings {
             ahead_s: 0.025,
             slice_frames: 128,
             budget: 0.8,
+            catches_up: true,
             room: 1 << 14,
             movers: Vec::new(),
             meshes: Vec::new(),
@@ -79,15 +81,14 @@ const NAP: Duration = Duration::from_millis(1);
 pub fn start(scene: Scene, settings: EngineSettings) -> Result<(Handle, Player)> {
     settings.check()?;
     let (told, coming) = settings.ring();
-    let stop = Arc::new(AtomicBool::new(false));
-    let faults = Faults::default();
+    let wires = Wires::default();
     let (ready, opened) = mpsc::sync_channel(1);
     let spawned = {
-        let (stop, faults, settings) = (stop.clone(), faults.clone(), settings.clone());
+        let (wires, settings) = (wires.clone(), settings.clone());
         std::thread::Builder::new().name("froufrou".into()).spawn(move || {
-            let run = work(scene, &settings, coming, &stop, &faults, &ready);
+            let run = work(scene, &settings, coming, &wires, &ready);
             if let Err(error) = run {
-                faults.end(error);
+                wires.faults.end(error);
             }
         })
     };
@@ -95,9 +96,9 @@ pub fn start(scene: Scene, settings: EngineSettings) -> Result<(Handle, Player)>
     let Ok((ends, player)) = opened.recv() else {
         // It ended before it was ready, and said why.
         let _ = worker.join();
-        return Err(faults.take().unwrap_or_else(|| Error::new("the worker ended")));
+        return Err(wires.faults.take().unwrap_or_else(|| Error::new("the worker ended")));
     };
-    let mut handle = handle(told, ends, stop, faults);
+    let mut handle = handle(told, ends, wires);
     (handle.worker, handle.counters) = (Some(worker), player.counters.clone());
     Ok((handle, player))
 }
@@ -142,11 +143,10 @@ pub fn replay<T>(
 ) -> Result<T> {
     settings.check()?;
     let (told, coming) = settings.ring();
-    let stop = Arc::new(AtomicBool::new(false));
-    let faults = Faults::default();
+    let wires = Wires::default();
     let chain = Chain::open(scene, &settings)?;
-    let (mut mixer, header, ends) = chain.mixer(&settings, coming, &stop, &faults)?;
-    let mut handle = handle(told, ends, stop, faults.clone());
+    let (mut mixer, header, ends) = chain.mixer(&settings, coming, &wires)?;
+    let mut handle = handle(told, ends, wires.clone());
     handle.waits = true;
     std::thread::scope(|scope| {
         // Its end, with the handle, is that of what is told.
@@ -161,7 +161,7 @@ pub fn replay<T>(
         let told = told.join().unwrap_or_else(|_| Err(Error::new("what tells has failed")));
         let rendered = rendered?;
         told?;
-        faults.take().map_or(Ok(rendered), Err)
+        wires.faults.take().map_or(Ok(rendered), Err)
     })
 }
 
@@ -191,10 +191,11 @@ struct Ends {
     latency: Latency,
 }
 
-fn handle(told: rtrb::Producer<Told>, ends: Ends, stop: Arc<AtomicBool>, faults: Faults) -> Handle {
+fn handle(told: rtrb::Producer<Told>, ends: Ends, wires: Wires) -> Handle {
     let Ends { movers, listener, objects, materials, latency } = ends;
     Handle {
         told,
+        count: 0,
         waits: false,
         bodies: Bodies::default(),
         movers,
@@ -207,8 +208,7 @@ fn handle(told: rtrb::Producer<Told>, ends: Ends, stop: Arc<AtomicBool>, faults:
         owed_s: None,
         rows: 0,
         left: Left::default(),
-        stop,
-        faults,
+        wires,
         worker: None,
         counters: Arc::default(),
         latency,
@@ -255,14 +255,13 @@ impl Chain {
         &self,
         settings: &EngineSettings,
         told: rtrb::Consumer<Told>,
-        stop: &Arc<AtomicBool>,
-        faults: &Faults,
+        wires: &Wires,
     ) -> Result<(Mixer<ChannelLines<'_>>, ChannelHeader, Ends)> {
         let Self { production, fed, movers, listener } = self;
         let Production { scene, world, .. } = production;
         let meshes = Meshes::new(scene.clone(), world.clone(), settings.key_step_s);
         let step_s = settings.contact_step_s;
-        let feed = Feed::new(told, step_s, fed.clone(), meshes, stop.clone(), faults.clone());
+        let feed = Feed::new(told, step_s, fed.clone(), meshes, wires.clone());
         let header = production.channel_header();
         let receivers = receivers::load(&header, &scene.folder, settings.rate_hz)?;
         let rate_hz = f64::from(settings.rate_hz);
@@ -295,18 +294,17 @@ fn work(
     scene: Scene,
     settings: &EngineSettings,
     told: rtrb::Consumer<Told>,
-    stop: &Arc<AtomicBool>,
-    faults: &Faults,
+    wires: &Wires,
     ready: &mpsc::SyncSender<(Ends, Player)>,
 ) -> Result<()> {
     let chain = Chain::open(scene, settings)?;
-    let (mixer, _, mut ends) = chain.mixer(settings, told, stop, faults)?;
+    let (mixer, _, mut ends) = chain.mixer(settings, told, wires)?;
     let part = Settings {
         ahead_s: settings.ahead_s,
         slice_frames: settings.slice_frames,
         // Two frames of a game may come at once.
         slack_s: settings.ahead_s,
-        catches_up: true,
+        catches_up: settings.catches_up,
         budget: settings.budget,
         ..Settings::default()
     };
@@ -318,12 +316,12 @@ fn work(
     if ready.send((ends, player)).is_err() {
         return Ok(());
     }
-    while !stop.load(Acquire) {
+    while !wires.stop.load(Acquire) {
         supply.go_on()?;
         // Nobody asks what has begun; it would grow.
         supply.take_begun();
         if let Some(silenced) = supply.take_faults().1.into_iter().next() {
-            faults.tell(silenced);
+            wires.faults.tell(silenced);
         }
         std::thread::park_timeout(NAP);
     }

@@ -2,8 +2,8 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
-use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering::Acquire;
+use std::sync::atomic::Ordering::{Acquire, Release};
+use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -63,8 +63,20 @@ pub(super) struct Feed {
     /// What was told last to be known, and what of it has been passed on.
     known_s: f64,
     passed_s: f64,
-    stop: Arc<AtomicBool>,
-    faults: Faults,
+    wires: Wires,
+    /// How much was taken of what was told.
+    taken: u64,
+    step_s: f64,
+}
+
+/// What a worker and a handle have in common.
+#[derive(Clone, Default)]
+pub(super) struct Wires {
+    /// Whether it is all over.
+    pub stop: Arc<AtomicBool>,
+    /// How much was taken of what was told, once the worker waits for more.
+    pub taken: Arc<AtomicU64>,
+    pub faults: Faults,
 }
 
 /// By how much later than it happens what is told is passed on, in seconds.
@@ -113,8 +125,7 @@ impl Feed {
         step_s: f64,
         movers: Vec<Arc<Fed>>,
         meshes: Meshes,
-        stop: Arc<AtomicBool>,
-        faults: Faults,
+        wires: Wires,
     ) -> Self {
         let lives = Lives::new(Settings::prompt(Step::Fixed(step_s)));
         Self {
@@ -128,8 +139,9 @@ impl Feed {
             count: 0,
             known_s: 0.0,
             passed_s: 0.0,
-            stop,
-            faults,
+            wires,
+            taken: 0,
+            step_s,
         }
     }
 
@@ -154,9 +166,10 @@ impl Feed {
                 self.bodies[number] = name;
             }
             Told::Contact(contact) => {
-                let Touch { row, states, at_s } = &*contact;
-                self.lives.feed_impact(row, *states, *at_s)?;
-                self.lives.feed_rub(row, *states)?;
+                // Within its step, whoever told it.
+                let end_s = contact.row.time_s;
+                let at_s = contact.at_s.map(|at_s| at_s.clamp(end_s - self.step_s, end_s));
+                self.lives.touch(&Touch { at_s, ..*contact })?;
             }
             Told::Pose { slot, time_s, pose } => {
                 if let Some(fed) = self.mover(slot) {
@@ -167,7 +180,7 @@ impl Feed {
                 if let Some(fed) = self.mover(slot).cloned() {
                     match fed.push_mesh(time_s, positions, faces) {
                         Ok(()) => self.meshes.told(&fed, time_s),
-                        Err(fault) => self.faults.tell(fault),
+                        Err(fault) => self.wires.faults.tell(fault),
                     }
                 }
             }
@@ -182,7 +195,7 @@ impl Feed {
                         self.movers[slot] = Some(fed.clone());
                         self.change(time_s, &name, Becomes::There { kind: kind.to_string(), fed });
                     }
-                    Err(fault) => self.faults.tell(fault),
+                    Err(fault) => self.wires.faults.tell(fault),
                 }
             }
             Told::Vanish { slot, name, time_s } => {
@@ -223,7 +236,7 @@ impl Feed {
     /// Looks at the frames of meshes that were told up to a time.
     fn look(&mut self, time_s: f64) {
         if let Err(fault) = self.meshes.look(time_s) {
-            self.faults.tell(fault);
+            self.wires.faults.tell(fault);
         }
         while let Some((event, is_cloth)) = self.meshes.event() {
             self.push(event, if is_cloth { self.delays.cloth_s } else { 0.0 });
@@ -252,13 +265,17 @@ impl Iterator for Feed {
             }
             match self.told.pop() {
                 Ok(told) => {
+                    self.count += 1;
                     if let Err(fault) = self.take(told) {
                         return Some(Err(fault));
                     }
                 }
                 // What was told before it was stopped is in the ring by now.
-                Err(_) if self.stop.load(Acquire) && self.told.is_empty() => return None,
-                Err(_) => std::thread::park_timeout(NAP),
+                Err(_) if self.wires.stop.load(Acquire) && self.told.is_empty() => return None,
+                Err(_) => {
+                    self.wires.taken.store(self.taken, Release);
+                    std::thread::park_timeout(NAP);
+                }
             }
         }
     }

@@ -2,15 +2,14 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering::Release;
+use std::sync::atomic::Ordering::{Acquire, Release};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use rtrb::Producer;
 
 use super::counters::{Counters, Statistics};
-use super::feed::{Delays, Faults};
+use super::feed::{Delays, Wires};
 use super::told::Told;
 use crate::motion::lives::Touch;
 use crate::scene::contact_log::{ContactRow, Push};
@@ -105,6 +104,8 @@ pub struct Left {
 /// ```
 pub struct Handle {
     pub(super) told: Producer<Told>,
+    /// How much was told.
+    pub(super) count: u64,
     /// Whether it waits where there is no room, for what is not live.
     pub(super) waits: bool,
     pub(super) bodies: Bodies,
@@ -122,8 +123,7 @@ pub struct Handle {
     pub(super) owed_s: Option<f64>,
     pub(super) rows: u64,
     pub(super) left: Left,
-    pub(super) stop: Arc<AtomicBool>,
-    pub(super) faults: Faults,
+    pub(super) wires: Wires,
     pub(super) worker: Option<JoinHandle<()>>,
     pub(super) counters: Arc<Counters>,
     pub(super) latency: Latency,
@@ -465,7 +465,10 @@ impl Handle {
         let mut told = told;
         loop {
             match self.told.push(told) {
-                Ok(()) => return Ok(()),
+                Ok(()) => {
+                    self.count += 1;
+                    return Ok(());
+                }
                 Err(rtrb::PushError::Full(back)) if self.waits && !self.told.is_abandoned() => {
                     std::thread::sleep(NAP);
                     told = back;
@@ -522,6 +525,16 @@ impl Handle {
         Err(why)
     }
 
+    /// How much more can be told before the worker takes some.
+    pub fn room(&self) -> usize {
+        self.told.slots()
+    }
+
+    /// Whether the worker has made all that it can of what was told, and waits for more.
+    pub fn is_waiting(&self) -> bool {
+        self.wires.taken.load(Acquire) == self.count
+    }
+
     /// What was left out so far.
     pub fn left_out(&self) -> Left {
         self.left
@@ -545,13 +558,13 @@ impl Handle {
     /// What went wrong in the worker, if something did; it is told once. A synthesised sound that fails falls silent, and a mesh
     /// that is none is left out; all else ends the worker.
     pub fn take_fault(&mut self) -> Option<Error> {
-        self.faults.take()
+        self.wires.faults.take()
     }
 }
 
 impl Drop for Handle {
     fn drop(&mut self) {
-        self.stop.store(true, Release);
+        self.wires.stop.store(true, Release);
         if let Some(worker) = self.worker.take() {
             worker.thread().unpark();
             // It has told its fault, if it had one.

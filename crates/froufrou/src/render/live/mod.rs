@@ -99,8 +99,10 @@
 
 pub mod deck;
 pub mod limiter;
+pub mod lines;
 
 mod budget;
+mod capture;
 mod counters;
 mod engine;
 mod feed;
@@ -115,6 +117,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 
 pub use budget::Clock;
+pub use capture::Capture;
 pub use counters::Statistics;
 pub use engine::{EngineSettings, replay, start};
 pub use feed::Delays;

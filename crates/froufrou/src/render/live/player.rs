@@ -136,6 +136,8 @@ impl Player {
                 self.limiter.next((0..out.len()).map(|channel| mix[channel * count + n]), out);
             }
         }
+        let peak = block.iter().fold(0.0f32, |peak, sample| peak.max(sample.abs()));
+        self.counters.peak.store(peak.to_bits(), Relaxed);
         self.tell(begun_s, frames);
     }
 

@@ -1,0 +1,221 @@
+//! `froufrou play --feed`: what another program tells, into a file.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::{Command, Output, Stdio};
+
+use tempfile::TempDir;
+
+struct Studio {
+    folder: TempDir,
+}
+
+const SCENE: &str = "seed = 5\nduration = 2\n[listener]\nposition = [0, 1, 2]\nlayout = 'stereo'\n\
+    [material.stone]\nimpact = { recordings = ['[ab].wav'], speed_variation = 0.2, gain_db = -6 }\n\
+    [[object]]\nname = 'ball'\nmaterial = 'stone'\n";
+const CAR: &str =
+    "[[object]]\nname = 'car'\nposition = [1, 0, 0]\nsound = { recording = 'a.wav', loop = true }\n";
+
+impl Studio {
+    fn new() -> Self {
+        let studio = Self { folder: tempfile::tempdir().unwrap() };
+        let spec = |sample_rate| hound::WavSpec {
+            channels: 1,
+            sample_rate,
+            bits_per_sample: 32,
+            sample_format: hound::SampleFormat::Float,
+        };
+        for (name, pitch) in [("a.wav", 0.05), ("b.wav", 0.31)] {
+            let mut writer = hound::WavWriter::create(studio.path(name), spec(48_000)).unwrap();
+            for n in 0..5_000 {
+                let wave = (pitch * f64::from(n)).sin() * (-f64::from(n) / 3000.0).exp();
+                writer.write_sample((0.4 * wave) as f32).unwrap();
+            }
+            writer.finalize().unwrap();
+        }
+        studio.file("scene.toml", SCENE);
+        studio.file("car.toml", &format!("{SCENE}{CAR}"));
+        studio
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn file(&self, name: &str, text: &str) {
+        std::fs::write(self.path(name), text).unwrap();
+    }
+
+    /// Runs the command, with a text on its standard input.
+    fn run(&self, line: &str, input: &str) -> Output {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_froufrou"));
+        command.current_dir(self.folder.path()).args(line.split_whitespace());
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        let mut stdin = child.stdin.take().unwrap();
+        let input = input.to_owned();
+        // A command that ends early does not read it all.
+        let told = std::thread::spawn(move || stdin.write_all(input.as_bytes()).is_ok());
+        let output = child.wait_with_output().unwrap();
+        let _ = told.join();
+        output
+    }
+
+    /// Runs what must succeed; gives what it says on standard error.
+    fn said(&self, line: &str, input: &str) -> String {
+        let output = self.run(line, input);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success(), "{line}: {said}");
+        said
+    }
+
+    fn sound(&self, name: &str) -> Vec<f32> {
+        let mut reader = hound::WavReader::open(self.path(name)).unwrap();
+        reader.samples().map(|sample| sample.unwrap()).collect()
+    }
+}
+
+/// Blows of a ball, 60 steps a second, and the log that tells of the same.
+fn blows() -> (String, String) {
+    let (mut feed, mut log) = (String::new(), String::from("t,a,b,x,y,z,J\n"));
+    for step in 1..=120 {
+        let time = f64::from(step) / 60.0;
+        if step % 13 == 0 {
+            let impulse = 0.1 + 0.01 * f64::from(step % 7);
+            writeln!(
+                feed,
+                "{{\"t\":{time},\"contact\":[\"ball\",\"floor\"],\"position\":[{time},0,0],\"impulse\":{impulse}}}"
+            )
+            .unwrap();
+            writeln!(log, "{time},ball,floor,{time},0,0,{impulse}").unwrap();
+        }
+        writeln!(feed, "{{\"advance\":{time}}}").unwrap();
+    }
+    (feed, log)
+}
+
+const FILE: &str = "--format 32f --output";
+
+#[test]
+fn what_is_told_sounds_as_what_is_logged() {
+    let studio = Studio::new();
+    let (feed, log) = blows();
+    studio.file("feed.jsonl", &feed);
+    studio.file("log.csv", &log);
+    let logged = "[[contacts]]\nlog = 'log.csv'\nstep = 0.016666666666666666\n\
+                  columns = { t = 't', a = 'a', b = 'b', position = ['x', 'y', 'z'], normal_impulse = 'J' }\n";
+    studio.file("logged.toml", &format!("{SCENE}{logged}"));
+    assert_eq!(studio.said(&format!("play scene.toml --feed feed.jsonl {FILE} told.wav"), ""), "");
+    studio.said("render logged.toml -o logged.wav --format 32f", "");
+    let (told, logged) = (studio.sound("told.wav"), studio.sound("logged.wav"));
+    let peak = logged.iter().fold(0.0f32, |peak, sample| sample.abs().max(peak));
+    assert!(peak > 0.005 && told.len() >= logged.len(), "{peak}, {} of {}", told.len(), logged.len());
+    let far = told.iter().zip(&logged).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(far < 1e-5 * peak, "{far} beside {peak}");
+    // The last hit rings out, and then it ends: neither at once, nor as late as it may.
+    let seconds = told.len() as f64 / 96_000.0;
+    assert!((2.3..4.0).contains(&seconds), "{seconds} s");
+    // From standard input it is the same, to the byte.
+    assert_eq!(studio.said(&format!("play scene.toml --feed - {FILE} piped.wav"), &feed), "");
+    assert_eq!(
+        std::fs::read(studio.path("told.wav")).unwrap(),
+        std::fs::read(studio.path("piped.wav")).unwrap()
+    );
+}
+
+#[test]
+fn a_bad_line_is_told_and_changes_nothing() {
+    let studio = Studio::new();
+    let (feed, _) = blows();
+    studio.said(&format!("play scene.toml --feed - {FILE} good.wav"), &feed);
+    let bad = [
+        "{\"advance\":0.5,\"at\":1}",
+        "nonsense",
+        "{\"t\":1,\"object\":\"cart\",\"position\":[0,0,0]}",
+        "{\"advance\":0.001}",
+        "{\"t\":2,\"contact\":[\"ball\",\"floor\"],\"position\":[1e300,0,0],\"impulse\":1}",
+    ];
+    // Each behind the 40th line and later.
+    let mut lines: Vec<&str> = feed.lines().collect();
+    bad.iter().enumerate().for_each(|(n, bad)| lines.insert(40 + 5 * n, bad));
+    let said = studio.said(&format!("play scene.toml --feed - {FILE} bad.wav"), &lines.join("\n"));
+    for expected in [
+        "<stdin>:41:19: not a line of what happens: unknown field `at`, expected one of `contact`",
+        "<stdin>:46:2: not a line of what happens: expected",
+        "<stdin>:51: no object `cart` was said to be moved",
+        "<stdin>:56: it is earlier than what was told before",
+        "<stdin>:61: `position_m` is no finite number, or beyond all bounds",
+        "5 lines were left out: 1 with numbers that are none, 1 earlier than what was told before, 1 of what is not \
+         there, 2 that could not be read",
+    ] {
+        assert!(said.contains(expected), "{expected}:\n{said}");
+    }
+    assert_eq!(
+        std::fs::read(studio.path("good.wav")).unwrap(),
+        std::fs::read(studio.path("bad.wav")).unwrap()
+    );
+    // Many are counted.
+    let many = format!("{}{feed}", "nonsense\n".repeat(1000));
+    let said = studio.said(&format!("play scene.toml --feed - {FILE} many.wav"), &many);
+    assert!(said.contains("1000 lines were left out: 1000 that could not be read"), "{said}");
+    assert!(said.lines().count() < 15, "{said}");
+    assert_eq!(
+        std::fs::read(studio.path("good.wav")).unwrap(),
+        std::fs::read(studio.path("many.wav")).unwrap()
+    );
+}
+
+#[test]
+fn what_moves_is_found_before_time_goes_on() {
+    let studio = Studio::new();
+    let drive = |from: u32| {
+        let mut feed = String::new();
+        for step in 0..=60 {
+            let time = f64::from(step) / 60.0;
+            if step >= from {
+                writeln!(feed, "{{\"t\":{time},\"object\":\"car\",\"position\":[{},0,0]}}", 1.0 - 8.0 * time)
+                    .unwrap();
+            }
+            writeln!(feed, "{{\"advance\":{time}}}").unwrap();
+        }
+        feed
+    };
+    let play = |feed: &str, more: &str, name: &str| {
+        studio.said(&format!("play car.toml --feed - --rest 0.1 {more} {FILE} {name}"), feed)
+    };
+    assert_eq!(play(&drive(0), "", "told.wav"), "");
+    assert_eq!(play(&drive(0), "--moves car", "named.wav"), "");
+    assert_eq!(studio.sound("told.wav"), studio.sound("named.wav"));
+    // What it does not say at the beginning has to be named.
+    assert!(play(&drive(1), "", "late.wav").contains("no object `car` was said to be moved"));
+    assert_eq!(play(&drive(1), "--moves car", "late.wav"), "");
+    // It goes by: to the right at first, then to the left; and what does not end is faded out.
+    let energy = |sound: &[f32], channel: usize| -> f32 {
+        sound.iter().skip(channel).step_by(2).map(|sample| sample * sample).sum()
+    };
+    let sound = studio.sound("told.wav");
+    let (first, last) = (&sound[..20_000], &sound[sound.len() - 30_000..]);
+    assert!(energy(first, 1) > 1.1 * energy(first, 0), "{} {}", energy(first, 0), energy(first, 1));
+    assert!(energy(last, 0) > 1.1 * energy(last, 1));
+    assert!(sound[sound.len() - 2..].iter().all(|sample| *sample == 0.0));
+}
+
+#[test]
+fn what_cannot_be_is_said() {
+    let studio = Studio::new();
+    let fails = |line: &str, expected: &str| {
+        let output = studio.run(line, "");
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(!output.status.success() && said.contains(expected), "{line}: {said}");
+    };
+    fails("play scene.toml --feed away.jsonl -o out.wav", "away.jsonl: cannot open");
+    fails("play scene.toml --feed - -o out.mp3", "not as `.mp3`");
+    fails("play away.toml --feed - -o out.wav", "away.toml");
+    fails("play scene.toml --feed - --moves cart -o out.wav", "no object `cart`");
+    fails("play scene.toml --moves ball", "--feed");
+    #[cfg(not(feature = "device"))]
+    fails("play scene.toml", "build it with `--features device`");
+    // Nothing at all is told: silence, and not for long.
+    assert_eq!(studio.said("play scene.toml --feed - --output out.wav", ""), "");
+}
