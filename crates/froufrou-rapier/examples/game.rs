@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (mut live, mut player) = Live::start(Scene::parse(SCENE, "scene.toml", false)?, settings)?;
     live.name_body(body, "crate");
     let device = cpal::default_host().default_output_device().ok_or("no sound device")?;
-    let (channels, buffer_size) = (player.channels() as u16, cpal::BufferSize::Default);
+    let (channels, buffer_size) = (player.channels() as u16, cpal::BufferSize::Fixed(512));
     let config = cpal::StreamConfig { channels, sample_rate: 48_000, buffer_size };
     let fill = move |block: &mut [f32], _: &cpal::OutputCallbackInfo| player.fill(block);
     let stream = device.build_output_stream(config, fill, |fault| eprintln!("{fault}"), None)?;

@@ -35,7 +35,7 @@ mod headless {
         }
 
         pub enum BufferSize {
-            Default,
+            Fixed(u32),
         }
 
         pub struct StreamConfig {
@@ -62,16 +62,15 @@ mod headless {
                 _fault: impl FnMut(String) + Send + 'static,
                 _timeout: Option<Duration>,
             ) -> Result<Stream, String> {
-                const FRAMES: usize = 480;
-                let BufferSize::Default = config.buffer_size;
-                let pause = Duration::from_secs_f64(FRAMES as f64 / f64::from(config.sample_rate));
-                let mut block = vec![0.0; FRAMES * usize::from(config.channels)];
+                let BufferSize::Fixed(frames) = config.buffer_size;
+                let pause = Duration::from_secs_f64(f64::from(frames) / f64::from(config.sample_rate));
+                let mut block = vec![0.0; frames as usize * usize::from(config.channels)];
                 let ends = Arc::new(AtomicBool::new(false));
                 let ended = ends.clone();
                 let play = move || {
                     while !ended.load(Relaxed) {
                         fill(&mut block, &OutputCallbackInfo);
-                        PLAYED.fetch_add(FRAMES as u64, Relaxed);
+                        PLAYED.fetch_add(u64::from(frames), Relaxed);
                         LOUD.fetch_add(block.iter().filter(|s| s.abs() > 0.001).count() as u64, Relaxed);
                         std::thread::sleep(pause);
                     }

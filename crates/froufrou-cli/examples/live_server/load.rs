@@ -105,8 +105,8 @@ impl Pairs {
         Ok(Self { floor, stones })
     }
 
-    /// Tells of the step that ends at a time.
-    pub fn tell(&mut self, handle: &mut Handle, time_s: f64) -> Result<()> {
+    /// Tells of the step that ends at a time. What there is no room for is counted by the handle.
+    pub fn tell(&self, handle: &mut Handle, time_s: f64) {
         for (n, stone) in self.stones.iter().enumerate() {
             let turn = TAU * (0.2 * time_s + n as f64 / self.stones.len() as f64);
             let radius_m = 2.0 + 0.02 * n as f64;
@@ -121,8 +121,7 @@ impl Pairs {
                 sliding_mps: Some(0.3 + 0.5 * (n as f64 * 0.618).fract()),
                 line: 0,
             };
-            handle.contact([*stone, self.floor], &row).map_err(|why| Error::new(why.to_string()))?;
+            let _ = handle.contact([*stone, self.floor], &row);
         }
-        Ok(())
     }
 }

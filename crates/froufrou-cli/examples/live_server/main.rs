@@ -121,7 +121,7 @@ fn play(folder: &Path, seconds: f64, block_frames: u32, contacts: usize, ahead_s
     let home = Home::new();
     let playing =
         output.play(Tap { player, begun: opened, samples, blocks, is_over: is_over.clone() }, &home)?;
-    let mut pairs = load::Pairs::new(&mut handle, contacts)?;
+    let pairs = load::Pairs::new(&mut handle, contacts)?;
     // A device takes a while to begin.
     while handle.statistics().blocks == 0 && opened.elapsed() < Duration::from_secs(10) {
         std::thread::sleep(Duration::from_millis(1));
@@ -131,7 +131,7 @@ fn play(folder: &Path, seconds: f64, block_frames: u32, contacts: usize, ahead_s
     let (mut last, mut told) = (handle.statistics(), (0.0f64, 0));
     for frame in 1..=frames {
         let time_s = f64::from(frame) / 60.0;
-        pairs.tell(&mut handle, time_s)?;
+        pairs.tell(&mut handle, time_s);
         handle.advance(time_s).map_err(|why| Error::new(why.to_string()))?;
         if let Some(fault) = handle.take_fault() {
             return Err(fault);
