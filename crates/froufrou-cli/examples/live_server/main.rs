@@ -109,7 +109,7 @@ fn play(folder: &Path, seconds: f64, block_frames: u32, contacts: usize, ahead_s
         output.name(),
         output.rate_hz()
     );
-    println!("latency of the engine {:.1} ms", 1000.0 * handle.latency_s());
+    println!("latency of the engine {:.1} ms", 1000.0 * handle.latency().all_s);
     let (samples, given) = rtrb::RingBuffer::new(RATE_HZ as usize * CHANNELS * 4);
     let (blocks, asked) = rtrb::RingBuffer::new(1 << 14);
     let is_over = Arc::new(AtomicBool::new(false));

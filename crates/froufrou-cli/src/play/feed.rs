@@ -421,7 +421,7 @@ mod at_device {
         let mut speaker = Speaker::new(output, deck);
         speaker.begin()?;
         let waits = input != Path::new("-");
-        let lead_s = handle.latency_s() + 0.5 * play.feed.ahead;
+        let lead_s = handle.latency().all_s + 0.5 * play.feed.ahead;
         let mut ear = Listening { waits, rate_hz, lead_s };
         let rest_s = play.feed.rest;
         let told = std::thread::spawn(move || {
