@@ -502,6 +502,48 @@ fn what_is_told_is_heard_after_the_latency_that_is_said() {
     }
 }
 
+#[test]
+fn sounds_are_loaded_while_others_are_heard() {
+    let studio = Studio::new();
+    drop(scene(&studio, STEREO));
+    let text = std::fs::read_to_string(studio.path("told.toml")).unwrap();
+    // One that is no recording.
+    studio.file("broken.wav", "RIFF, but not for long");
+    let text = text.replace("[[object]]\nname = 'bell'", "[[object]]\nname = 'broken'\nposition = [0, 0, 0]\nsound = { recording = 'broken.wav' }\n[[object]]\nname = 'bell'");
+    let scene = |text: &str| Scene::open(studio.file("behind.toml", text), false).unwrap();
+    let behind = || EngineSettings { loads_behind: true, ahead_s: FRAME_S + 0.01, ..settings() };
+    assert!(live::start(scene(&text), settings()).is_err(), "all is loaded first, and one cannot be");
+    let (mut handle, player) = live::start(scene(&text), behind()).unwrap();
+    let mut device = Device::new(player, 256);
+    let (mut frame, mut loaded_s, mut faults) = (0, None, 0);
+    while loaded_s.is_none_or(|loaded_s| f64::from(frame) * FRAME_S < loaded_s + 2.0) {
+        let told_s = f64::from(frame) * FRAME_S;
+        frame += 1;
+        let now_s = f64::from(frame) * FRAME_S;
+        device.play(&handle, told_s, now_s);
+        let bodies = ["block", "table"].map(|name| handle.body(name).unwrap());
+        if frame % 10 == 0 {
+            handle.contact(bodies, &row(now_s, 0.0, Push::Impulse(0.5), None)).unwrap();
+        }
+        let sheet = handle.object("sheet").unwrap();
+        handle.mesh(sheet, now_s, &vertices(now_s, linen)).unwrap();
+        handle.advance(now_s).unwrap();
+        faults += u32::from(handle.take_fault().is_some());
+        let [there, all] = handle.loaded();
+        if there == all && loaded_s.is_none() {
+            assert!(all > 5, "{all} sounds");
+            loaded_s = Some(now_s);
+        }
+        assert!(frame < 20_000, "{there} of {all}");
+    }
+    assert_eq!(faults, 1, "what cannot be loaded is told, and does not end it");
+    let end_s = device.frames() as f64 / f64::from(RATE_HZ);
+    let sound = &device.sound;
+    // The fly goes on, the cloth rustles, the block rings.
+    assert!(handle.statistics().threads >= 4 && power(sound, 2, end_s - 1.0, end_s) > 1e-6);
+    assert_eq!(handle.left_out(), Left::default());
+}
+
 /// What nobody should tell, for some frames of a game: numbers that are none, times that leap, floods, births and deaths.
 /// Gives how much memory there was after a tenth of it and at its end, in bytes, where that is known.
 fn hostile(frames: u64) -> [Option<u64>; 2] {

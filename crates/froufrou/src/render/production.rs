@@ -8,8 +8,10 @@
 //! Each stage pulls from the one before, so that a scene of any length passes through in the memory
 //! of a moment; and a score written to a file and mixed later passes through the very same stages.
 
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::mpsc::{self, Receiver, Sender};
 
 use crate::motion::event::Event;
 use crate::scene::Scene;
@@ -17,15 +19,16 @@ use crate::scene::contact_log::ContactLog;
 use crate::scene::file::Timing;
 use crate::scene::world::World;
 pub use crate::score::compose::PULSE;
-use crate::score::compose::{self, Composer, Events, SoundFacts};
+pub use crate::score::compose::SoundFacts;
+use crate::score::compose::{self, Composer, Events};
 use crate::score::ending::Ending;
 use crate::score::{
-    AnyReader, AnySpace, ChannelHeader, ChannelLine, ChannelSpace, LATEST_S, ObjectHeader, ObjectLine,
-    ObjectSpace,
+    AnyReader, AnySpace, ChannelHeader, ChannelLine, ChannelSpace, LATEST_S, Make, ObjectHeader, ObjectLine,
+    ObjectSpace, Sound,
 };
 use crate::space::propagation::{Propagation, channel_header};
 use crate::space::tracing::Tracing;
-use crate::synth::mixer::Sounding;
+use crate::synth::mixer::{Later, Sounding};
 use crate::synth::path::Foresight;
 use crate::synth::prototypes::{self, Soundings};
 use crate::{Error, Result};
@@ -62,12 +65,27 @@ impl Production {
     /// # Errors
     /// As there; what `change` returns.
     pub fn open_with(scene: Scene, change: impl FnOnce(&Scene, &mut World) -> Result<()>) -> Result<Self> {
+        let production = Self::open_unheard(scene, change)?;
+        let prototypes = prototypes::load(&production.header.sounds, &production.scene.folder)?;
+        Ok(Self { prototypes, ..production })
+    }
+
+    /// The same without its sounds: they are [loaded](Production::loading) while others are heard already.
+    ///
+    /// # Errors
+    /// An animation that cannot be read; what `change` returns.
+    pub fn open_unheard(scene: Scene, change: impl FnOnce(&Scene, &mut World) -> Result<()>) -> Result<Self> {
         let mut world = World::open(&scene)?;
         change(&scene, &mut world)?;
         let header = compose::header(&scene, &world)?;
-        let prototypes = prototypes::load(&header.sounds, &scene.folder)?;
         let end_s = end_s(&scene, &world)?;
-        Ok(Self { scene: Arc::new(scene), world: Arc::new(world), header, prototypes, end_s })
+        Ok(Self {
+            scene: Arc::new(scene),
+            world: Arc::new(world),
+            header,
+            prototypes: Soundings::new(),
+            end_s,
+        })
     }
 
     /// What happens in it by itself: the contacts of its logs.
@@ -104,7 +122,8 @@ impl Production {
 
     /// The lines of its score in channel space where more happens than the scene knows by itself: `told`, in order of time. A
     /// line comes as soon as [`Event::Quiet`] or an event says that it can be known; keys are `key_step_s` apart, so that
-    /// there is always a next one, and nothing is foreseen ([`Foresight::None`]): a mixer should not either. The score has no
+    /// there is always a next one. What is still to be learnt of sounds comes by `learning`; until then they are silent.
+    /// Nothing is foreseen ([`Foresight::None`]): a mixer should not either. The score has no
     /// end of its own; [`PULSE`] is among its sounds.
     ///
     /// # Errors
@@ -113,18 +132,72 @@ impl Production {
         &self,
         told: impl Iterator<Item = Result<Event>> + Send + 'static,
         key_step_s: f64,
+        learning: Option<Receiver<(String, SoundFacts)>>,
     ) -> Result<ChannelLines<'_>> {
         let tracing = Tracing::of(&self.scene, &self.world)?;
         let events = self.events()?.and(told);
         let (scene, world, header) = (&self.scene, &self.world, &self.header);
         let composer = Composer::new(scene, world, header, facts(&self.prototypes), LATEST_S, events)?;
-        let propagation = Propagation::new(&self.header, composer.pulsing(key_step_s))?;
+        let propagation = Propagation::new(&self.header, composer.pulsing(key_step_s).learning(learning))?;
         Ok(Box::new(propagation.among(tracing).with_foresight(Foresight::None)))
+    }
+
+    /// Its sounds, to be loaded while others are heard already: a mixer is given them [for later](crate::synth::mixer::Mixer::with_later),
+    /// [`told_lines`](Production::told_lines) what is learnt of them, and [`Loading::run`] is for another thread.
+    pub fn loading(&self) -> (Vec<(String, Later)>, Receiver<(String, SoundFacts)>, Loading) {
+        let (learnt, learning) = mpsc::channel();
+        let later: Vec<(String, Later)> =
+            self.header.sounds.iter().map(|sound| (sound.name.clone(), Later::default())).collect();
+        let folder = self.scene.folder.clone();
+        let mut groups: BTreeMap<String, Vec<(Sound, Later)>> = BTreeMap::new();
+        for (sound, (_, later)) in self.header.sounds.iter().zip(&later) {
+            // What comes from one file is read at once.
+            let group = match &sound.make {
+                Make::Recording { path, .. } => path.clone(),
+                _ => format!("\0{}", sound.name),
+            };
+            groups.entry(group).or_default().push((sound.clone(), later.clone()));
+        }
+        (later, learning, Loading { groups: groups.into_values().collect(), folder, learnt })
     }
 
     /// The header of its score in channel space.
     pub fn channel_header(&self) -> ChannelHeader {
         channel_header(&self.header, self.scene.reverberates())
+    }
+}
+
+/// Sounds that are to be loaded.
+pub struct Loading {
+    groups: Vec<Vec<(Sound, Later)>>,
+    folder: PathBuf,
+    learnt: Sender<(String, SoundFacts)>,
+}
+
+impl Loading {
+    /// How many sounds there are.
+    pub fn count(&self) -> usize {
+        self.groups.iter().map(Vec::len).sum()
+    }
+
+    /// Loads them one after the other; `each` is told how many at once there were, or why they could not be loaded, and says
+    /// whether to go on.
+    pub fn run(self, mut each: impl FnMut(usize, Result<()>) -> bool) {
+        for group in self.groups {
+            let sounds: Vec<Sound> = group.iter().map(|(sound, _)| sound.clone()).collect();
+            let loaded = prototypes::load(&sounds, &self.folder).map(|loaded| {
+                // What is learnt of a sound comes when it is there.
+                for ((_, sounding), (_, later)) in loaded.iter().zip(&group) {
+                    let _ = later.set(sounding.clone());
+                }
+                for known in facts(&loaded) {
+                    let _ = self.learnt.send(known);
+                }
+            });
+            if !each(group.len(), loaded) {
+                return;
+            }
+        }
     }
 }
 

@@ -8,6 +8,7 @@ mod cloth;
 mod contacts;
 mod going;
 mod grains;
+mod learning;
 mod palette;
 mod paper;
 mod presence;
@@ -17,6 +18,7 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap, HashMap, VecDeque};
 use std::iter::Peekable;
 use std::sync::Arc;
+use std::sync::mpsc::Receiver;
 
 use self::cloth::Wardrobe;
 use self::contacts::LEAST_QUIET;
@@ -228,6 +230,9 @@ pub struct Composer<'a, E> {
     /// What was told last to be known.
     told_s: f64,
     presence: Presence,
+    /// Where it learns of sounds that are still being loaded, and starts that wait for them.
+    learning: Option<Receiver<(String, SoundFacts)>>,
+    waiting: Vec<Planned>,
     ready: VecDeque<ObjectLine>,
     state: State,
 }
@@ -240,6 +245,7 @@ enum State {
 }
 
 /// A start set by hand.
+#[derive(Clone)]
 struct Planned {
     time_s: f64,
     sound: usize,
@@ -363,6 +369,8 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             pulses: false,
             told_s: 0.0,
             presence: Presence::default(),
+            learning: None,
+            waiting: Vec::new(),
             ready: VecDeque::new(),
             state: State::New,
         };
@@ -508,7 +516,10 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
                             None => self.crumple(&buckle)?,
                         },
                         Event::Change(change) => self.change(&change)?,
-                        Event::Quiet(time_s) => self.told_s = time_s,
+                        Event::Quiet(time_s) => {
+                            self.told_s = time_s;
+                            self.learn();
+                        }
                         event => self.foreseen.push_back(event),
                     }
                 }
@@ -673,6 +684,10 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         let group = Group::Sound(planned.sound, planned.body);
         let (name, variation) = self.pick(group, &sound.played, sound.speed_variation)?;
         let facts = self.facts.get(&name);
+        if facts.is_none() && self.learning.is_some() {
+            self.waiting.push(planned.clone());
+            return Ok(());
+        }
         let key = planned.key.unwrap_or(StartKey { time_s: planned.time_s, gain_db: 0.0, speed: 1.0 });
         let speed = sound.speed * key.speed * variation;
         let natural_end_s = planned.time_s + facts.map_or(0.0, |facts| facts.length_s) / speed;

@@ -1,7 +1,7 @@
 //! An engine: a scene, a worker that turns what is told into sound, and the two ends of it.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::Ordering::Acquire;
+use std::sync::atomic::Ordering::{AcqRel, Acquire, Release};
 use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
@@ -10,9 +10,10 @@ use super::handle::{Bodies, Handle, Latency, Left, MoverId, Movers};
 use super::meshes::Meshes;
 use super::told::Told;
 use super::{Player, Settings, Supply};
-use crate::render::production::{ChannelLines, PULSE, Production};
+use crate::render::production::{ChannelLines, Loading, PULSE, Production};
 use crate::scene::Scene;
 use crate::scene::fed::Fed;
+use crate::scene::world::World;
 use crate::score::ChannelHeader;
 use crate::synth::mixer::{Mixer, Sounding};
 use crate::synth::path::Foresight;
@@ -47,6 +48,9 @@ pub struct EngineSettings {
     pub meshes: Vec<String>,
     /// Whether the listener is moved.
     pub moves_listener: bool,
+    /// Whether recordings and corpora are loaded while the engine runs, on a thread of their own: it begins at once, and what is
+    /// not there yet is silent. Without that all is there when it begins.
+    pub loads_behind: bool,
 }
 
 impl Default for EngineSettings {
@@ -63,6 +67,7 @@ impl Default for EngineSettings {
             movers: Vec::new(),
             meshes: Vec::new(),
             moves_listener: false,
+            loads_behind: false,
         }
     }
 }
@@ -227,7 +232,7 @@ impl Chain {
     fn open(scene: Scene, settings: &EngineSettings) -> Result<Self> {
         let mut fed: Vec<Arc<Fed>> = Vec::new();
         let (mut movers, mut listener) = (BTreeMap::new(), None);
-        let production = Production::open_with(scene, |scene, world| {
+        let change = |scene: &Scene, world: &mut World| {
             let moved = settings.movers.iter().map(|name| (name, false));
             for (name, has_mesh) in settings.meshes.iter().map(|name| (name, true)).chain(moved) {
                 let Some(index) = scene.objects.iter().position(|object| object.name == *name) else {
@@ -246,7 +251,12 @@ impl Chain {
                 fed.push(world.feed_listener(settings.key_step_s)?);
             }
             Ok(())
-        })?;
+        };
+        let production = if settings.loads_behind {
+            Production::open_unheard(scene, change)?
+        } else {
+            Production::open_with(scene, change)?
+        };
         Ok(Self { production, fed, movers, listener })
     }
 
@@ -268,12 +278,19 @@ impl Chain {
         let pulse = Prototype { samples: Arc::new([]), rate_hz, looped: false };
         let pulse = (PULSE.to_owned(), Sounding::from(pulse));
         let sounds = production.prototypes.clone().into_iter().chain([pulse]);
-        let lines = production.told_lines(feed, settings.key_step_s)?;
+        let (later, learning) = if settings.loads_behind {
+            let (later, learning, loading) = production.loading();
+            load(loading, wires)?;
+            (later, Some(learning))
+        } else {
+            (Vec::new(), None)
+        };
+        let lines = production.told_lines(feed, settings.key_step_s, learning)?;
         let has_colours =
             header.receivers.len() != header.channels().len() || production.header.surroundings.is_some();
         let mixer = Mixer::idle(settings.rate_hz, receivers, sounds, lines)?;
         let mixer = mixer.with_seed(header.seed).keeping_going(true).looking_ahead(ONSET_S);
-        let mixer = mixer.with_foresight(Foresight::None);
+        let mixer = mixer.with_foresight(Foresight::None).with_later(later);
         let mixer = if has_colours { mixer } else { mixer.uncoloured() };
         // A way is known up to its last key, and that is no older than the pulse's next one.
         let known_s = settings.key_step_s + mixer.look_ahead() as f64 / rate_hz;
@@ -288,6 +305,23 @@ impl Chain {
         };
         Ok((mixer, header, ends))
     }
+}
+
+/// Loads sounds on a thread of their own, which ends with the engine, or behind the sound that it loads then.
+fn load(loading: Loading, wires: &Wires) -> Result<()> {
+    let wires = wires.clone();
+    wires.loaded[1].store(loading.count() as u64, Release);
+    let run = move || {
+        loading.run(|count, loaded| {
+            if let Err(fault) = loaded {
+                wires.faults.tell(fault);
+            }
+            wires.loaded[0].fetch_add(count as u64, AcqRel);
+            !wires.stop.load(Acquire)
+        });
+    };
+    let spawned = std::thread::Builder::new().name("froufrou loads".into()).spawn(run);
+    spawned.map(drop).map_err(|error| Error::new("there is no thread to load sounds").because(error))
 }
 
 fn work(

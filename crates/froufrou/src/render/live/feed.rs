@@ -76,6 +76,8 @@ pub(super) struct Wires {
     pub stop: Arc<AtomicBool>,
     /// How much was taken of what was told, once the worker waits for more.
     pub taken: Arc<AtomicU64>,
+    /// How many sounds are loaded, of how many.
+    pub loaded: Arc<[AtomicU64; 2]>,
     pub faults: Faults,
 }
 

@@ -550,6 +550,13 @@ impl Handle {
         self.latency
     }
 
+    /// How many sounds of the scene are loaded, and how many there are: see
+    /// [`EngineSettings::loads_behind`](super::EngineSettings::loads_behind). One that could not be loaded counts as well, and is a
+    /// fault.
+    pub fn loaded(&self) -> [u64; 2] {
+        [0, 1].map(|which| self.wires.loaded[which].load(Acquire))
+    }
+
     /// Whether the worker goes on. Where it does not, [`Handle::take_fault`] may say why.
     pub fn is_running(&self) -> bool {
         self.worker.as_ref().is_some_and(|worker| !worker.is_finished())

@@ -60,11 +60,9 @@ impl Wardrobe {
         let scene = composer.scene;
         let mut wardrobe = Self::default();
         for (name, facts) in &composer.facts {
-            let Some(sound) = &facts.cloth else { continue };
-            let friction = sound
-                .friction()
-                .map(|friction| (Arc::new(FrictionTable::new(&friction.spectra)), friction.area_m2));
-            wardrobe.sounds.insert(name.clone(), Worn { sound: sound.clone(), friction });
+            if let Some(sound) = &facts.cloth {
+                wardrobe.learn(name, sound);
+            }
         }
         for (number, (cloth, energies)) in energies.iter().enumerate() {
             let Some(material) = composer.cloth_of(cloth) else { continue };
@@ -79,6 +77,14 @@ impl Wardrobe {
             wardrobe.playbacks.insert(cloth.clone(), playback);
         }
         Ok(wardrobe)
+    }
+
+    /// Takes in what a cloth sounds like.
+    pub fn learn(&mut self, name: &str, sound: &Arc<ClothSound>) {
+        let friction = sound
+            .friction()
+            .map(|friction| (Arc::new(FrictionTable::new(&friction.spectra)), friction.area_m2));
+        self.sounds.insert(name.to_owned(), Worn { sound: sound.clone(), friction });
     }
 
     /// Forgets a cloth that is no more.

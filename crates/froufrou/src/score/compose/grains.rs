@@ -32,14 +32,15 @@ pub(super) struct Flow {
 }
 
 impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
-    /// The name of the sound of a material's grains, and what there is to choose from.
-    fn repertoire(&self, sound: &GrainSound) -> Result<(String, Arc<Repertoire>)> {
+    /// The name of the sound of a material's grains, and what there is to choose from; nothing while they are being loaded.
+    fn repertoire(&self, sound: &GrainSound) -> Result<Option<(String, Arc<Repertoire>)>> {
         let name = self.name_of_sound(&super::palette::grains(sound));
         let known = name.and_then(|name| Some((name.clone(), self.repertoires.get(&name)?.clone())));
-        known.ok_or_else(|| {
-            Error::new("the grains of a material are not among the sounds of its score")
-                .in_file(&self.scene.file)
-        })
+        if known.is_none() && self.learning.is_none() {
+            return Err(Error::new("the grains of a material are not among the sounds of its score")
+                .in_file(&self.scene.file));
+        }
+        Ok(known)
     }
 
     pub(super) fn strike_grains(
@@ -49,7 +50,7 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
         sound: &GrainSound,
     ) -> Result<()> {
         let Side { body, other, index } = side;
-        let (name, repertoire) = self.repertoire(sound)?;
+        let Some((name, repertoire)) = self.repertoire(sound)? else { return Ok(()) };
         let group = Group::Impact(index);
         let random = Random::new(self.scene.seed, GRAINS ^ group.number());
         let picks = self.picks.entry(group).or_default();
@@ -121,7 +122,7 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
         side: Side<'_>,
         sound: &GrainSound,
     ) -> Result<()> {
-        let (name, repertoire) = self.repertoire(sound)?;
+        let Some((name, repertoire)) = self.repertoire(sound)? else { return Ok(()) };
         let action = match how {
             Rubbing::Slide => dictionary::Action::Slide,
             Rubbing::Roll => dictionary::Action::Roll,

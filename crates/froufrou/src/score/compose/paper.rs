@@ -76,6 +76,11 @@ impl Papers {
         Self { sounds: composer.facts.iter().filter_map(paper).collect(), ..Self::default() }
     }
 
+    /// Takes in what a paper sounds like.
+    pub fn learn(&mut self, name: &str, sound: &Arc<PaperSound>) {
+        self.sounds.insert(name.to_owned(), sound.clone());
+    }
+
     /// Forgets a sheet that is no more.
     pub fn forget(&mut self, sheet: &str) {
         self.played.remove(sheet);

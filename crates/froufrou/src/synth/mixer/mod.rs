@@ -12,7 +12,7 @@ mod ways;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
@@ -43,6 +43,9 @@ pub enum Sounding {
     /// A synthesised sound.
     Instrument(Arc<dyn Instrument>),
 }
+
+/// Something that can be played once it is loaded.
+pub type Later = Arc<OnceLock<Sounding>>;
 
 impl Sounding {
     /// Length in seconds at speed 1; infinite for what does not end by itself.
@@ -105,6 +108,8 @@ pub struct Mixer<L> {
     /// For so long an onset may ring before its time, in seconds.
     onset_s: f64,
     foresight: Foresight,
+    /// Sounds that are not there before somebody needs them.
+    later: HashMap<usize, Later>,
     /// What has arrived before this frame has been released.
     released: u64,
     keeps_going: bool,
@@ -205,6 +210,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             seed: 0,
             onset_s: ONSET_S,
             foresight: Foresight::NextKey,
+            later: HashMap::new(),
             released: 0,
             keeps_going: false,
             silenced: 0,
@@ -239,6 +245,19 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
     #[must_use]
     pub fn looking_ahead(self, onset_s: f64) -> Self {
         Self { onset_s: onset_s.clamp(0.0, ONSET_S), ..self }
+    }
+
+    /// The same mixer, and sounds that are still being loaded: a line may start one once it is there.
+    #[must_use]
+    pub fn with_later(mut self, sounds: impl IntoIterator<Item = (String, Later)>) -> Self {
+        for (name, later) in sounds {
+            let index = self.voices.sounds.len();
+            let silent = Prototype { samples: Arc::new([]), rate_hz: self.voices.rate_hz, looped: false };
+            self.voices.sounds.push(silent.into());
+            self.names.insert(name, index);
+            self.later.insert(index, later);
+        }
+        self
     }
 
     /// The same mixer with another foresight: where it has none, what is known of a way ends with its last key, and so it
@@ -587,6 +606,16 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         let Some(&sound) = self.names.get(&start.sound) else {
             return Err(Error::new(format!("thread {id} plays an unknown sound `{}`", start.sound)));
         };
+        if let Some(later) = self.later.get(&sound) {
+            let Some(there) = later.get() else {
+                return Err(Error::new(format!(
+                    "thread {id} plays `{}`, which is not loaded yet",
+                    start.sound
+                )));
+            };
+            self.voices.sounds[sound] = there.clone();
+            self.later.remove(&sound);
+        }
         if !SPEEDS.contains(&start.speed) {
             return Err(Error::new(format!("thread {id} plays at speed {}", start.speed)).help(format!(
                 "speeds from {:e} to {:e} can be mixed",

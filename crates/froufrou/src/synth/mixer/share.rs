@@ -230,6 +230,10 @@ impl Slice {
     }
 }
 
+fn levels(prototype: &Prototype) -> Vec<f32> {
+    prototype.samples.chunks(LEVEL_BLOCK).map(level).collect()
+}
+
 /// How loud recordings are, block by block.
 pub(super) struct Levels {
     of: Vec<Vec<f32>>,
@@ -240,7 +244,7 @@ impl Levels {
     /// Those of all that a mixer plays.
     pub fn new(voices: &Voices) -> Self {
         let of = voices.sounds.iter().map(|sound| match sound {
-            Sounding::Recording(prototype) => prototype.samples.chunks(LEVEL_BLOCK).map(level).collect(),
+            Sounding::Recording(prototype) => levels(prototype),
             Sounding::Instrument(_) => Vec::new(),
         });
         Self { of: of.collect(), decay: DECAY_PER_S.ln() / voices.rate_hz }
@@ -252,7 +256,11 @@ impl Levels {
     }
 
     /// The level of a recording between two of its samples: the greatest of the blocks that these touch, and of the one behind.
-    pub fn recording(&self, sound: usize, prototype: &Prototype, [from, to]: [f64; 2]) -> f32 {
+    pub fn recording(&mut self, sound: usize, prototype: &Prototype, [from, to]: [f64; 2]) -> f32 {
+        if let Some(of) = self.of.get_mut(sound).filter(|of| of.is_empty()) {
+            // It was not there when others were looked at.
+            *of = levels(prototype);
+        }
         let Some(levels) = self.of.get(sound).filter(|levels| !levels.is_empty()) else { return 0.0 };
         let count = levels.len() as i64;
         let block = |sample: f64| (sample / LEVEL_BLOCK as f64).floor() as i64;
