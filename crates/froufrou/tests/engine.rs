@@ -151,25 +151,20 @@ impl Device {
         self.sound.len() / self.player.channels()
     }
 
-    /// Plays until a time of the game at which more is told; up to another time it was told before.
-    fn play(&mut self, handle: &Handle, told_s: f64, now_s: f64) {
-        let rate_hz = f64::from(RATE_HZ);
-        let latency = handle.latency();
-        // The worker is given the time that it needs: how fast it is shall not matter here.
-        let limiter_s = self.player.limiter_latency() as f64 / rate_hz;
-        let known = ((told_s - (latency.all_s - latency.ahead_s - limiter_s)) * rate_hz).max(0.0) as u64;
+    /// Plays until a time of the game at which more is told.
+    fn play(&mut self, handle: &Handle, now_s: f64) {
+        // The worker is given the time that it needs: how fast it is shall not matter here. Where the player has no room for
+        // more it does not wait for what is told.
         let begun = std::time::Instant::now();
-        while (self.player.statistics().played_frame + self.player.ready_frames() as u64)
-            < known.saturating_sub(128)
-            && known > 0
-        {
-            // Before it begins it waits for more than is there.
-            let waits = self.player.ready_frames() == 0 && known < (latency.ahead_s * rate_hz) as u64 + 256;
-            if waits || begun.elapsed().as_secs() > 20 {
-                break;
+        let (mut ready, mut since) = (self.player.ready_frames(), begun);
+        while !handle.is_waiting() && handle.is_running() && since.elapsed().as_millis() < 300 {
+            if self.player.ready_frames() != ready {
+                (ready, since) = (self.player.ready_frames(), std::time::Instant::now());
             }
+            assert!(begun.elapsed().as_secs() < 20);
             std::thread::yield_now();
         }
+        let rate_hz = f64::from(RATE_HZ);
         // A device asks for a block as it begins to play it.
         while (self.frames() as f64) < now_s * rate_hz {
             let ((), calls) = calls(|| self.player.fill(&mut self.block));
@@ -183,8 +178,8 @@ impl Device {
         let statistics = self.player.statistics();
         let silent = statistics.silent_frames as usize;
         let first = statistics.played_frame as usize - (self.frames() - silent);
-        // What it began in the midst of was faded in.
-        let faded = (0.01 * f64::from(RATE_HZ)) as usize;
+        // What it began in the midst of was faded in, and a head sounds on.
+        let faded = (0.05 * f64::from(RATE_HZ)) as usize;
         let played = (silent + faded + self.player.limiter_latency()) * self.player.channels();
         (first + faded, &self.sound[played..])
     }
@@ -202,7 +197,7 @@ fn live(
     let (mut handle, player) = live::start(scene, EngineSettings { ahead_s, ..settings }).unwrap();
     let mut device = Device::new(player, block);
     for frame in 1..=frames {
-        device.play(&handle, f64::from(frame - 1) * FRAME_S, f64::from(frame) * FRAME_S);
+        device.play(&handle, f64::from(frame) * FRAME_S);
         tell(&mut handle, frame);
     }
     if let Some(fault) = handle.take_fault() {
@@ -266,8 +261,8 @@ fn a_feed_sounds_live_as_it_does_when_it_is_replayed() {
         for block in [32, 441, 4096] {
             let (first, live) = live(scene(&studio, listener), settings(), 120, block, tell);
             let heard_s = live.len() as f64 / 2.0 / f64::from(RATE_HZ);
-            assert!(heard_s > 1.75, "{heard_s} s");
-            assert!(first < 6_000, "it begins at {first}");
+            assert!(heard_s > 1.6, "{heard_s} s");
+            assert!(first < 9_000, "it begins at {first}");
             let found = distance(&live, &replayed[2 * first..]);
             assert!(found <= near, "{listener}, blocks of {block}: {found} of the peak away");
         }
@@ -461,7 +456,7 @@ fn what_is_told_is_heard_after_the_latency_that_is_said() {
             let mut told_s = Vec::new();
             for frame in 1..=frames {
                 let now_s = f64::from(frame) * frame_s;
-                device.play(&handle, f64::from(frame - 1) * frame_s, now_s);
+                device.play(&handle, now_s);
                 // Now and then, at odd places within frames; it is told at the end of its frame.
                 if frame % (0.25 / frame_s) as u32 == 7 {
                     let time_s = now_s - 0.3 * frame_s;
@@ -480,8 +475,10 @@ fn what_is_told_is_heard_after_the_latency_that_is_said() {
                     heard_s.push(time_s);
                 }
             }
-            assert!(heard_s.len() >= 4 && told_s.len() >= heard_s.len(), "{heard_s:?} {told_s:?}");
-            let late: Vec<f64> = told_s.iter().zip(&heard_s).map(|(told, heard)| heard - told).collect();
+            // What was told before the device first asked is not heard.
+            let late = |heard: &f64| told_s.iter().rfind(|told| *told < heard).map(|told| heard - told);
+            let late: Vec<f64> = heard_s.iter().filter_map(late).collect();
+            assert!(late.len() >= 3, "{heard_s:?} {told_s:?}");
             let [least, most] = [f64::min as fn(f64, f64) -> f64, f64::max]
                 .map(|of| late.iter().copied().reduce(of).unwrap());
             // Nobody knows better here than that a blow is in the middle of its step, which its contact is 0.3 of it before
@@ -494,7 +491,8 @@ fn what_is_told_is_heard_after_the_latency_that_is_said() {
                 1e3 * most,
                 1e3 * latency_s
             );
-            assert!(most <= latency_s, "{late:?}");
+            // It may be a block later that the device first asks, when so much is there.
+            assert!(most <= latency_s + block_s.min(frame_s), "{late:?}");
             assert!(least > latency_s - early_s - block_s - 0.003, "{late:?}");
             // The same for all: what is told keeps its rhythm.
             assert!(most - least < 1e-3, "{late:?}");
@@ -517,10 +515,9 @@ fn sounds_are_loaded_while_others_are_heard() {
     let mut device = Device::new(player, 256);
     let (mut frame, mut loaded_s, mut faults) = (0, None, 0);
     while loaded_s.is_none_or(|loaded_s| f64::from(frame) * FRAME_S < loaded_s + 2.0) {
-        let told_s = f64::from(frame) * FRAME_S;
         frame += 1;
         let now_s = f64::from(frame) * FRAME_S;
-        device.play(&handle, told_s, now_s);
+        device.play(&handle, now_s);
         let bodies = ["block", "table"].map(|name| handle.body(name).unwrap());
         if frame % 10 == 0 {
             handle.contact(bodies, &row(now_s, 0.0, Push::Impulse(0.5), None)).unwrap();
@@ -528,7 +525,10 @@ fn sounds_are_loaded_while_others_are_heard() {
         let sheet = handle.object("sheet").unwrap();
         handle.mesh(sheet, now_s, &vertices(now_s, linen)).unwrap();
         handle.advance(now_s).unwrap();
-        faults += u32::from(handle.take_fault().is_some());
+        if let Some(fault) = handle.take_fault() {
+            assert!(handle.is_running(), "{fault}");
+            faults += 1;
+        }
         let [there, all] = handle.loaded();
         if there == all && loaded_s.is_none() {
             assert!(all > 5, "{all} sounds");
@@ -674,7 +674,7 @@ fn hostile(frames: u64) -> [Option<u64>; 2] {
     eprintln!("{left:?}\n{statistics:?}\n{faults} faults, {born} births, {memory:?} bytes");
     let counted = left.not_finite + left.earlier + left.full + left.unknown + left.ahead;
     assert!(left.not_finite > frames && counted >= refused, "all that is left out is counted: {refused}");
-    assert!(left.full > 0 && faults > 0 && statistics.threads > 0);
+    assert!(left.full > 0 && faults > 0 && statistics.played_frame > 48_000);
     memory
 }
 

@@ -232,6 +232,8 @@ pub struct Composer<'a, E> {
     presence: Presence,
     /// Where it learns of sounds that are still being loaded, and starts that wait for them.
     learning: Option<Receiver<(String, SoundFacts)>>,
+    /// Whether there may be sounds of which nothing is known.
+    learns: bool,
     waiting: Vec<Planned>,
     ready: VecDeque<ObjectLine>,
     state: State,
@@ -370,6 +372,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             told_s: 0.0,
             presence: Presence::default(),
             learning: None,
+            learns: false,
             waiting: Vec::new(),
             ready: VecDeque::new(),
             state: State::New,
@@ -684,7 +687,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         let group = Group::Sound(planned.sound, planned.body);
         let (name, variation) = self.pick(group, &sound.played, sound.speed_variation)?;
         let facts = self.facts.get(&name);
-        if facts.is_none() && self.learning.is_some() {
+        if facts.is_none() && self.learns {
             self.waiting.push(planned.clone());
             return Ok(());
         }

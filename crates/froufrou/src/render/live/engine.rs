@@ -342,7 +342,8 @@ fn work(
         budget: settings.budget,
         ..Settings::default()
     };
-    let (supply, player) = super::part(mixer, part)?;
+    let (supply, mut player) = super::part(mixer, part)?;
+    player.rests = settings.catches_up.then(|| wires.rests.clone());
     let rate_hz = f64::from(settings.rate_hz);
     ends.latency.ahead_s = player.ahead_frames() as f64 / rate_hz;
     ends.latency.all_s += ends.latency.ahead_s + player.limiter_latency() as f64 / rate_hz;

@@ -76,6 +76,8 @@ pub(super) struct Wires {
     pub stop: Arc<AtomicBool>,
     /// How much was taken of what was told, once the worker waits for more.
     pub taken: Arc<AtomicU64>,
+    /// Whether the worker waits for what is told next.
+    pub rests: Arc<AtomicBool>,
     /// How many sounds are loaded, of how many.
     pub loaded: Arc<[AtomicU64; 2]>,
     pub faults: Faults,
@@ -267,7 +269,8 @@ impl Iterator for Feed {
             }
             match self.told.pop() {
                 Ok(told) => {
-                    self.count += 1;
+                    self.taken += 1;
+                    self.wires.rests.store(false, Release);
                     if let Err(fault) = self.take(told) {
                         return Some(Err(fault));
                     }
@@ -276,6 +279,7 @@ impl Iterator for Feed {
                 Err(_) if self.wires.stop.load(Acquire) && self.told.is_empty() => return None,
                 Err(_) => {
                     self.wires.taken.store(self.taken, Release);
+                    self.wires.rests.store(true, Release);
                     std::thread::park_timeout(NAP);
                 }
             }

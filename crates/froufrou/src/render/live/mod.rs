@@ -247,6 +247,7 @@ where
         slices_before,
         most_slices,
         catches_up,
+        rests: None,
         buses: running.collect(),
         mix: vec![0.0; PIECE_FRAMES * channels],
         held_mix: vec![0.0; PIECE_FRAMES * channels],

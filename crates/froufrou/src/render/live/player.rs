@@ -1,6 +1,7 @@
 //! The audio thread's half: from slices of time to blocks of any size.
 
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 
 use rtrb::{Consumer, Producer};
@@ -43,6 +44,8 @@ pub struct Player {
     pub(super) most_slices: usize,
     /// Whether more than there have to be are left out where it begins, or begins again.
     pub(super) catches_up: bool,
+    /// Whether the worker has handed over all that it knows, where somebody knows that.
+    pub(super) rests: Option<Arc<AtomicBool>>,
     pub(super) buses: Vec<Running>,
     /// What channels hear, [`PIECE_FRAMES`] each, and the same of what is held.
     pub(super) mix: Vec<f64>,
@@ -215,7 +218,9 @@ impl Player {
                     self.begin_again();
                 }
             }
-        } else if there >= self.slices_before || there > 0 && end != 0 {
+        } else if there >= self.slices_before && (self.is_all() || there > self.most_slices)
+            || there > 0 && end != 0
+        {
             let more = there.saturating_sub(self.slices_before);
             let leaves_out = more > 0 && (self.catches_up || there > self.most_slices);
             if leaves_out {
@@ -226,6 +231,11 @@ impl Player {
         } else if there == 0 && end != 0 && self.frame + 1 >= end {
             self.counters.is_over.store(true, Relaxed);
         }
+    }
+
+    /// Whether more comes only with what is told next: who begins in the midst of what comes would be later than it need be.
+    fn is_all(&self) -> bool {
+        self.rests.as_ref().is_none_or(|rests| rests.load(Acquire))
     }
 
     /// Leaves slices out.

@@ -136,7 +136,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         let time_s = impact.time_s;
         let (name, speed) = self.pick(Group::Impact(index), &sound.played, sound.speed_variation)?;
         let facts = self.facts.get(&name);
-        if facts.is_none() && self.learning.is_some() {
+        if facts.is_none() && self.learns {
             return Ok(());
         }
         let ring_s = facts.and_then(|facts| facts.ring_s);
@@ -217,7 +217,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             Some(id) => id,
             None => {
                 let (name, _) = self.pick(Group::Rub(how, side.index), &sound.played, 0.0)?;
-                if self.learning.is_some() && !self.facts.contains_key(&name) {
+                if self.learns && !self.facts.contains_key(&name) {
                     return Ok(());
                 }
                 self.begin_rub(rub, how, side, name)?

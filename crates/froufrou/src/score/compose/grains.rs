@@ -36,7 +36,7 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
     fn repertoire(&self, sound: &GrainSound) -> Result<Option<(String, Arc<Repertoire>)>> {
         let name = self.name_of_sound(&super::palette::grains(sound));
         let known = name.and_then(|name| Some((name.clone(), self.repertoires.get(&name)?.clone())));
-        if known.is_none() && self.learning.is_none() {
+        if known.is_none() && !self.learns {
             return Err(Error::new("the grains of a material are not among the sounds of its score")
                 .in_file(&self.scene.file));
         }

@@ -14,7 +14,7 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
     /// through the scene begins once it is.
     #[must_use]
     pub fn learning(self, learning: Option<Receiver<(String, SoundFacts)>>) -> Self {
-        Self { learning, ..self }
+        Self { learns: learning.is_some(), learning, ..self }
     }
 
     /// Takes in what has become known.
