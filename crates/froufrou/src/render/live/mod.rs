@@ -20,14 +20,24 @@
 //! hold, so neither can overflow, and memory is bounded.
 //!
 //! **An engine** ([`start`]) has a worker of its own, which is told what happens while it does. The game thread tells a
-//! [`Handle`] contacts, poses and how far time has come; nothing of that waits, and what cannot be taken is counted. It goes
-//! through a third ring to the worker, where a chain of the same stages as ever pulls: `motion::lives` finds impacts and slides,
-//! the composer makes a score of them, propagation finds what is heard, and the mixer reads its lines. Where nobody knows yet
+//! [`Handle`] contacts, poses, meshes, what appears, vanishes or becomes of another material, and how far time has come; nothing of
+//! that waits, and what cannot be taken is counted. It goes through a third ring to the worker, where a chain of the same stages as
+//! ever pulls: a feed finds what happens, by `motion::lives` and by the analysers of cloth and paper; the composer makes a score of
+//! it, propagation finds what is heard, and the mixer reads its lines. Where nobody knows yet
 //! what comes next, the chain waits (the worker does, and no one else). [`Handle::advance`] lets it go on:
 //! [`Event::Quiet`](crate::motion::event::Event::Quiet) tells the composer that nothing more comes before a time, and a thread
 //! that is silent ([`PULSE`](super::production::PULSE)) has a key every few milliseconds, so that every stage has a next line. The
-//! same events, known beforehand ([`Production::told_lines`](super::production::Production::told_lines)) and rendered to a file,
-//! give the same samples.
+//! same feed rendered as a file is ([`replay`]) gives the same samples.
+//!
+//! **Nothing is foreseen of what is told.** To files the engine knows the future: a way is smooth through the next key, a grain begins
+//! before its impact, a blow is summed over its steps. Told as it happens, all that would be latency. So keys are dense, and a way
+//! ends with its last one ([`Foresight::None`](crate::synth::path::Foresight)); a listener is met where it is when the sound leaves; a blow is told with the
+//! step in which it begins ([`prompt`](crate::motion::impact::Settings::prompt)); what slides glides to what its last moment says, and so do the controls of
+//! instruments; a pop is chosen by the energies of those before it. What has to be looked at for longer comes later by
+//! a steady time ([`Delays`]), and nothing else waits for it.
+//!
+//! **What is loaded when.** All sounds before it begins, or, where [`EngineSettings::loads_behind`] says so, on a thread of their own
+//! while others are heard: what plays a sound that is not there yet is silent, and what runs through the scene begins once it is.
 //!
 //! **How time advances.** The player counts the frames of the score that it has played and lets the worker know. The
 //! worker stays [`Settings::ahead_s`] ahead of that, and no line is read earlier than its slice asks for. The audio thread
@@ -47,9 +57,10 @@
 //! **What the latency is made of.** From the time of a line to the device: its way through the air; what the mixer has to
 //! know ahead ([`Mixer::look_ahead`], small for a mixer that is
 //! [uncoloured](Mixer::uncoloured) and does not [look ahead](Mixer::looking_ahead)) and, for what moves, the two keys behind;
-//! [`Settings::ahead_s`]; [`Player::limiter_latency`]; a block of the device. In an engine a key is as good as known once four
-//! more are, of which there is one every [`EngineSettings::key_step_s`], and of what slides one a moment; analysers are behind as
-//! they say. [`Handle::latency_s`] is the sum of it.
+//! [`Settings::ahead_s`]; [`Player::limiter_latency`]; a block of the device. In an engine it is one key
+//! ([`EngineSettings::key_step_s`]) and 2 ms instead of those, and `ahead_s` is the time between two calls of [`Handle::advance`] and a block:
+//! [`Handle::latency`] says all of it. So that it stays the same, an engine begins with the newest that there is, and does so again where
+//! it was late ([`Settings::catches_up`]).
 //!
 //! **What of the system is called.** No lock and no allocation; for the load in [`Statistics`] the clock is read twice a block,
 //! and with a budget twice more in each slice, which common systems do without a system call. A player is to be dropped elsewhere than in the callback of a device.
