@@ -173,6 +173,11 @@ impl pulp::WithSimd for Reading<'_> {
         let is_still = self.segment.is_still() && step == 1.0;
         let begin = place(begin_s - self.segment.delay_s[0]);
         let unchanged = is_still && whole(begin);
+        if unchanged && self.segment.fades == Fades::NONE && self.segment.gain[0] == self.segment.gain[1] {
+            let first_of_all = first_frame(self.segment.begin_s, self.rate_hz);
+            let index = (begin.round() as i64).saturating_add((self.first - first_of_all) as i64);
+            return self.samples.add(index, self.segment.gain[0], self.out);
+        }
         let course = self.segment.course();
         let (mut positions, mut ratios, mut gains) = ([0.0f64; CHUNK], [0.0f64; CHUNK], [0.0f64; CHUNK]);
         let mut read = [0.0f32; CHUNK];

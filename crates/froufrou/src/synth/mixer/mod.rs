@@ -21,7 +21,7 @@ use super::filter::{Filter, Filters};
 use super::instrument::Instrument;
 use super::path::{Foresight, PathBuilder, PathKey, Segment};
 use super::receivers::Receiver;
-use super::sinc;
+use super::sinc::{self, Kernel};
 use super::source::Source;
 use super::stretch::Stretch;
 use super::tiny;
@@ -186,6 +186,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             receivers,
             colours,
             identity: Filter::identity(),
+            kernel: Kernel::Long,
             sounds: soundings,
             threads: BTreeMap::new(),
             sources: BTreeMap::new(),
@@ -239,6 +240,14 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
     #[must_use]
     pub fn looking_ahead(self, onset_s: f64) -> Self {
         Self { onset_s: onset_s.clamp(0.0, ONSET_S), ..self }
+    }
+
+    /// The same mixer, whose channels read sounds by a kernel: the [short](Kernel::Short) one is for many voices at once. Buses
+    /// have their own.
+    #[must_use]
+    pub fn with_kernel(mut self, kernel: Kernel) -> Self {
+        self.voices.kernel = kernel;
+        self
     }
 
     /// The same mixer with another foresight: where it has none, what is known of a way ends with its last key, and so it
