@@ -13,6 +13,7 @@ mod dynamic;
 mod measure;
 mod options;
 mod peers;
+mod plain;
 #[cfg(test)]
 mod tests;
 mod world;
@@ -40,6 +41,9 @@ fn run() -> Result<bool> {
         println!("{}", options::HELP);
         return Ok(true);
     };
+    if options.plain {
+        return plain::compare(&options).map(|()| true);
+    }
     let (mut peers, absent) = peers::all(options.head.as_deref());
     for why in absent {
         println!("not compared: {why}");

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::drive::Drive;
-use crate::peers::{Peer, Result};
+use crate::peers::{Peer, Rendering, Result};
 use crate::world::{RATE_HZ, World};
 
 /// Seconds that sound before the clock runs: tables are made and first fades are over by then.
@@ -29,18 +29,16 @@ pub struct Cost {
 /// all of them.
 pub fn measure(peers: &[Box<dyn Peer>], voices: usize, plan: Plan) -> Result<Vec<Cost>> {
     let world = World::circling(voices, plan.block);
-    let blocks = |seconds: f64| (seconds * f64::from(RATE_HZ) / plan.block as f64).ceil() as usize;
     let mut drives = Vec::with_capacity(peers.len());
     for peer in peers {
         let named = |error| format!("{}: {error}", peer.name());
         let mut drive = Drive::start(&**peer, &world).map_err(named)?;
-        for _ in 0..blocks(WARM_UP_S) {
+        for _ in 0..blocks(WARM_UP_S, plan.block) {
             drive.next().map_err(named)?;
         }
         drives.push(drive);
     }
-    let count = blocks(plan.seconds);
-    let samples = (count * plan.block * voices) as f64;
+    let count = blocks(plan.seconds, plan.block);
     let mut all_ns = vec![Vec::with_capacity(plan.repeats); peers.len()];
     for _ in 0..plan.repeats {
         for (drive, all_ns) in drives.iter_mut().zip(&mut all_ns) {
@@ -48,10 +46,41 @@ pub fn measure(peers: &[Box<dyn Peer>], voices: usize, plan: Plan) -> Result<Vec
             for _ in 0..count {
                 std::hint::black_box(drive.next()?);
             }
-            all_ns.push((now() - begun).as_nanos() as f64 / samples);
+            all_ns.push(per_voice_sample(begun, count * plan.block * voices));
         }
     }
     Ok(all_ns.into_iter().map(cost).collect())
+}
+
+/// The same of voices that are told nothing while they sound.
+pub fn plain(mut renderings: Vec<Box<dyn Rendering>>, voices: usize, plan: Plan) -> Result<Vec<Cost>> {
+    let mut block = vec![[0.0; 2]; plan.block];
+    let mut all_ns = vec![Vec::with_capacity(plan.repeats); renderings.len()];
+    for repeat in 0..=plan.repeats {
+        for (rendering, all_ns) in renderings.iter_mut().zip(&mut all_ns) {
+            let seconds = if repeat == 0 { WARM_UP_S } else { plan.seconds };
+            let count = blocks(seconds, plan.block);
+            rendering.prepare()?;
+            let begun = now();
+            for _ in 0..count {
+                rendering.render(&mut block)?;
+                std::hint::black_box(&block);
+            }
+            if repeat > 0 {
+                all_ns.push(per_voice_sample(begun, count * plan.block * voices));
+            }
+        }
+    }
+    Ok(all_ns.into_iter().map(cost).collect())
+}
+
+fn blocks(seconds: f64, block: usize) -> usize {
+    (seconds * f64::from(RATE_HZ) / block as f64).ceil() as usize
+}
+
+/// Nanoseconds since then, for each of so many samples of voices.
+fn per_voice_sample(begun: Duration, samples: usize) -> f64 {
+    (now() - begun).as_nanos() as f64 / samples as f64
 }
 
 /// The time that this thread has run, where it can be told; so what else the machine does counts for less.

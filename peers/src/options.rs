@@ -16,6 +16,7 @@ What a voice costs beside other engines.
   --only NAME,NAME          these rows alone
   --head FILE.sofa          the measured head, for all that take one; else MIT_KEMAR_normal_pinna.sofa in the
                             folder hrtf of FROUFROU_DATA or of ../shared/data
+  --plain                   voices that stand still instead, with a gain and a pan, in blocks of 128
   --check                   listen to what each renders, instead of measuring
 
 PHONON_LIBRARY names the library of Steam Audio.";
@@ -27,6 +28,7 @@ pub struct Options {
     pub only: Vec<String>,
     pub head: Option<PathBuf>,
     pub check: bool,
+    pub plain: bool,
 }
 
 /// `None` where help is asked for.
@@ -37,12 +39,14 @@ pub fn read(mut arguments: impl Iterator<Item = String>) -> Result<Option<Option
         only: Vec::new(),
         head: known_head(),
         check: false,
+        plain: false,
     };
     while let Some(name) = arguments.next() {
         let mut value = || arguments.next().ok_or(format!("{name} wants a value"));
         match name.as_str() {
             "--help" | "-h" => return Ok(None),
             "--check" => options.check = true,
+            "--plain" => options.plain = true,
             "--voices" => {
                 let counts = value()?;
                 options.voices =

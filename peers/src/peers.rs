@@ -40,6 +40,11 @@ pub trait Rendering {
     /// Tells each voice where it is at a tick.
     fn tick(&mut self, time_s: f64) -> Result<()>;
 
+    /// Does beforehand what is no work of the thread that renders.
+    fn prepare(&mut self) -> Result<()> {
+        Ok(())
+    }
+
     /// Renders the next block: left and right.
     fn render(&mut self, block: &mut [[f32; 2]]) -> Result<()>;
 }

@@ -59,7 +59,7 @@ mod live;
 use std::collections::HashMap;
 use std::ops::ControlFlow;
 
-pub use live::Live;
+pub use live::{Live, Teller};
 
 use froufrou::motion::Event;
 use froufrou::motion::event::{Cause, Moved};

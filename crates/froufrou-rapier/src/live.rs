@@ -55,6 +55,12 @@ struct Known {
 /// ```
 pub struct Live {
     handle: Handle,
+    teller: Teller,
+}
+
+/// Tells a handle what happens in a simulation, as [`Live`] does: for one that is had otherwise, as from
+/// [`live::replay`].
+pub struct Teller {
     contacts: Contacts,
     known: HashMap<Who, Known>,
 }
@@ -65,9 +71,9 @@ impl Live {
     /// # Errors
     /// As [`live::start`].
     pub fn start(scene: Scene, settings: EngineSettings) -> Result<(Self, Player)> {
-        let contacts = Contacts::new(settings.contact_step_s);
+        let teller = Teller::new(settings.contact_step_s);
         let (handle, player) = live::start(scene, settings)?;
-        Ok((Self { handle, contacts, known: HashMap::new() }, player))
+        Ok((Self { handle, teller }, player))
     }
 
     /// The engine, to be told of the listener, of what else happens, and how far time has come.
@@ -77,16 +83,13 @@ impl Live {
 
     /// Names a body, as objects of the scene have it. One that nobody names is `body` and the index of its handle.
     pub fn name_body(&mut self, body: RigidBodyHandle, name: impl Into<String>) {
-        let name = name.into();
-        let mover = self.handle.object(&name);
-        self.known.insert(Who::Body(body), Known { name: Some(name), mover, ..Known::default() });
+        self.teller.name_body(&self.handle, body, name);
     }
 
     /// Names a collider that has no body, such as a floor. One that nobody names is `collider` and the index of its
     /// handle.
     pub fn name_collider(&mut self, collider: ColliderHandle, name: impl Into<String>) {
-        let known = Known { name: Some(name.into()), ..Known::default() };
-        self.known.insert(Who::Collider(collider), known);
+        self.teller.name_collider(collider, name);
     }
 
     /// Tells what the step that ended at a time has solved, and where all is.
@@ -100,7 +103,42 @@ impl Live {
         bodies: &RigidBodySet,
         colliders: &ColliderSet,
     ) -> Result<(), Refused> {
-        let Self { handle, contacts, known } = self;
+        self.teller.feed(&mut self.handle, time_s, narrow_phase, bodies, colliders)
+    }
+}
+
+impl Teller {
+    /// For a simulation with steps of this length in seconds.
+    pub fn new(step_s: f64) -> Self {
+        Self { contacts: Contacts::new(step_s), known: HashMap::new() }
+    }
+
+    /// Names a body, as objects of the scene have it; the handle knows whether it is moved.
+    pub fn name_body(&mut self, handle: &Handle, body: RigidBodyHandle, name: impl Into<String>) {
+        let name = name.into();
+        let mover = handle.object(&name);
+        self.known.insert(Who::Body(body), Known { name: Some(name), mover, ..Known::default() });
+    }
+
+    /// Names a collider that has no body.
+    pub fn name_collider(&mut self, collider: ColliderHandle, name: impl Into<String>) {
+        let known = Known { name: Some(name.into()), ..Known::default() };
+        self.known.insert(Who::Collider(collider), known);
+    }
+
+    /// Tells what the step that ended at a time has solved, and where all is.
+    ///
+    /// # Errors
+    /// As [`Live::feed`].
+    pub fn feed(
+        &mut self,
+        handle: &mut Handle,
+        time_s: f64,
+        narrow_phase: &NarrowPhase,
+        bodies: &RigidBodySet,
+        colliders: &ColliderSet,
+    ) -> Result<(), Refused> {
+        let Self { contacts, known } = self;
         let mut first = Ok(());
         let _ = contacts.step(time_s, narrow_phase, bodies, colliders, |who, touch| {
             let numbers = who.map(|who| {

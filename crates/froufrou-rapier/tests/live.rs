@@ -4,15 +4,11 @@
 mod studio;
 
 use froufrou::motion::Event;
-use froufrou::render::live::{Capture, EngineSettings, Left};
+use froufrou::render::live::{self, Capture, EngineSettings, Handle, Left};
 use froufrou::render::offline::{self, Extent};
-use froufrou::render::production::PULSE;
 use froufrou::scene::Scene;
 use froufrou::scene::fed::FedPose;
-use froufrou::synth::mixer::Mixer;
-use froufrou::synth::receivers;
-use froufrou::synth::voice::Prototype;
-use froufrou_rapier::{Listener, Live};
+use froufrou_rapier::{Listener, Live, Teller};
 use rapier3d::prelude::*;
 use studio::{Studio, noise};
 
@@ -103,21 +99,32 @@ fn scene(studio: &Studio) -> String {
         .to_owned()
 }
 
-/// The same events, known beforehand and rendered to the end.
-fn rendered(studio: &Studio, text: &str, events: Vec<Event>, seconds: f64) -> Vec<f32> {
-    let production = studio.production(text).unwrap();
-    let header = production.channel_header();
-    let key_step_s = EngineSettings::default().key_step_s;
-    let (lines, _) = production.told_lines(events.into_iter().map(Ok), key_step_s).unwrap();
-    let receivers = receivers::load(&header, &production.scene.folder, RATE_HZ).unwrap();
-    let pulse = Prototype { samples: std::sync::Arc::new([]), rate_hz: 48_000.0, looped: false };
-    let sounds = production.prototypes.clone().into_iter().chain([(PULSE.to_owned(), pulse.into())]);
-    let mut mixer = Mixer::new(RATE_HZ, receivers, sounds, lines).unwrap().with_seed(header.seed);
+/// The same simulation, rendered as a file is.
+fn rendered(scene: Scene) -> Vec<f32> {
+    let settings = EngineSettings { contact_step_s: STEP_S, ..EngineSettings::default() };
     let mut mix = Vec::new();
-    let extent = Extent { rate_hz: RATE_HZ, from_s: 0.0, to_s: None, duration_s: Some(seconds) };
-    offline::render(&mut mixer, header.channels().len(), &extent, false, |piece| {
-        mix.extend_from_slice(piece.mix);
+    let tell = |handle: &mut Handle| {
+        let (mut stage, mut teller) = (Stage::new(), Teller::new(STEP_S));
+        stage.bodies.iter().for_each(|(body, name)| teller.name_body(handle, *body, *name));
+        teller.name_collider(stage.floor, "floor");
+        for _ in 0..STEPS {
+            let (time_s, came) = stage.go_on();
+            if let Some((body, name)) = came {
+                teller.name_body(handle, body, name);
+            }
+            let world = &stage.world;
+            teller.feed(handle, time_s, &world.narrow_phase, &world.bodies, &world.colliders).unwrap();
+            handle.advance(time_s).unwrap();
+        }
+        (1..=20).for_each(|n| handle.advance(f64::from(STEPS) * STEP_S + 0.1 * f64::from(n)).unwrap());
         Ok(())
+    };
+    live::replay(scene, settings, tell, |mixer, header| {
+        let extent = Extent { rate_hz: RATE_HZ, from_s: 0.0, to_s: None, duration_s: None };
+        offline::render(mixer, header.channels().len(), &extent, false, |piece| {
+            mix.extend_from_slice(piece.mix);
+            Ok(())
+        })
     })
     .unwrap();
     mix
@@ -170,8 +177,16 @@ fn what_is_heard_at_once_is_what_was_found_before() {
     let live = heard(Scene::open(studio.file("live.toml", &text), false).unwrap(), &[], |_, _, _| ());
     let seconds = live.len() as f64 / 2.0 / f64::from(RATE_HZ);
     assert!(seconds > 2.5, "{seconds} s");
-    let rendered = rendered(&studio, &text, events, seconds);
+    let rendered = rendered(Scene::open(studio.file("replayed.toml", &text), false).unwrap());
     assert!(rendered.iter().any(|sample| sample.abs() > 0.01));
+    // Every impact that is found is heard: it is louder behind it than before.
+    let power = |from_s: f64| {
+        let first = (from_s * f64::from(RATE_HZ)) as usize * 2;
+        rendered[first..first + 480].iter().map(|s| s.powi(2)).sum::<f32>()
+    };
+    let way_s = 2.5 / 343.0;
+    let first = events.iter().find_map(|event| Some(event.impact()?.time_s)).unwrap();
+    assert!(power(first + way_s + 0.003) > 10.0 * power(first - 0.01), "the first impact is at {first} s");
     let differs = live.iter().zip(&rendered).position(|(a, b)| a.to_bits() != b.to_bits() && a != b);
     assert_eq!(differs, None, "to the last bit");
 }

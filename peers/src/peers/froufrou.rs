@@ -5,14 +5,17 @@
 
 use std::path::{Path, PathBuf};
 
+use froufrou::render::live::{self, Player, Settings, Supply};
 use froufrou::score::{Arrival, ChannelLine, Header, Order, Output, Start, Statement, Verb};
 use froufrou::space::head::Head;
 use froufrou::synth::bus::Ringing;
 use froufrou::synth::mixer::Mixer;
 use froufrou::synth::receivers::{Receiver, load};
+use froufrou::synth::sinc::Kernel;
 use froufrou::synth::voice::Prototype;
 
 use super::{Kind, Peer, Rendering, Result};
+use crate::plain::{Plain, PlainVoice};
 use crate::world::{RATE_HZ, SPEED_OF_SOUND, Sound, TICKS_HZ, Voice, World};
 
 /// Who hears a score. Another kind of receiver is a variant here, with its name, its receivers and what arrives at
@@ -51,7 +54,8 @@ impl Hearing {
         let head = |head: Option<&Path>, shared: bool| {
             let head = head.map(|file| file.to_string_lossy().into_owned());
             let output = Output::Head { ears: ["left".into(), "right".into()], head, shared };
-            load(&Header::new(Order::Time, vec![output]), Path::new(""), RATE_HZ).map_err(|error| error.to_string())
+            load(&Header::new(Order::Time, vec![output]), Path::new(""), RATE_HZ)
+                .map_err(|error| error.to_string())
         };
         match self {
             Hearing::Stereo => Ok(Receiver::plain(2)),
@@ -148,7 +152,10 @@ impl Iterator for Lines {
         self.next += 1;
         let (voice, time_s) = (&self.voices[thread as usize], tick as f64 / f64::from(TICKS_HZ));
         let verb = match tick {
-            0 => Verb::Start(Start { offset_s: voice.offset as f64 / f64::from(RATE_HZ), ..Start::new(voice.sound.to_string()) }),
+            0 => Verb::Start(Start {
+                offset_s: voice.offset as f64 / f64::from(RATE_HZ),
+                ..Start::new(voice.sound.to_string())
+            }),
             _ => Verb::Key,
         };
         let value = self.hearing.arrivals(voice.motion.position(time_s));
@@ -191,6 +198,68 @@ impl Rendering for Playing {
         }
         self.mixer.release(end);
         self.frame = end;
+        Ok(())
+    }
+}
+
+/// A live player, and the worker that supplies it on the same thread: whose work is measured with the player's where it
+/// `goes_on` before every block, and else done beforehand.
+pub fn plain(plain: &Plain, kernel: Kernel, goes_on: bool) -> Result<Box<dyn Rendering>> {
+    let thread = |(thread, voice): (usize, &PlainVoice)| {
+        let value = voice.gains().map(|gain| Arrival::new(gain, 0.0)).to_vec();
+        let offset_s = voice.offset as f64 / f64::from(plain.rate_hz);
+        let start = Start { offset_s, speed: plain.speed, ..Start::new("sound") };
+        let line = |time_s: f64, verb: Verb| {
+            let value = value.clone();
+            let line = Statement { thread: thread as u64, path: 0, time_s, verb, value };
+            Ok::<_, froufrou::Error>(ChannelLine::Thread(line))
+        };
+        [line(0.0, Verb::Start(start)), line(ENDS_S, Verb::End)]
+    };
+    let (starts, ends): (Vec<_>, Vec<_>) =
+        plain.voices.iter().enumerate().map(thread).map(|[start, end]| (start, end)).unzip();
+    let sound = Prototype { samples: plain.sound.clone(), rate_hz: f64::from(plain.rate_hz), looped: true };
+    let lines = starts.into_iter().chain(ends);
+    let sounds = [("sound".to_owned(), sound.into())];
+    let mixer = Mixer::new(RATE_HZ, Receiver::plain(2), sounds, lines).map_err(|error| error.to_string())?;
+    let ahead_s = if goes_on { Settings::default().ahead_s } else { AHEAD_S };
+    let settings = Settings { ahead_s, ..Settings::default() };
+    let (supply, player) =
+        live::part(mixer.with_kernel(kernel), settings).map_err(|error| error.to_string())?;
+    Ok(Box::new(LivePlaying { supply, player, goes_on, samples: Vec::new() }))
+}
+
+/// Plain voices sound for so long, in seconds.
+const ENDS_S: f64 = 3600.0;
+
+/// So much is supplied at once where the audio thread is measured alone, in seconds.
+const AHEAD_S: f64 = 1.5;
+
+struct LivePlaying<L> {
+    supply: Supply<L>,
+    player: Player,
+    goes_on: bool,
+    samples: Vec<f32>,
+}
+
+impl<L: Iterator<Item = froufrou::Result<ChannelLine>>> Rendering for LivePlaying<L> {
+    fn tick(&mut self, _: f64) -> Result<()> {
+        Ok(())
+    }
+
+    fn prepare(&mut self) -> Result<()> {
+        self.supply.go_on().map(drop).map_err(|error| error.to_string())
+    }
+
+    fn render(&mut self, block: &mut [[f32; 2]]) -> Result<()> {
+        if self.goes_on {
+            self.supply.go_on().map_err(|error| error.to_string())?;
+        }
+        self.samples.resize(2 * block.len(), 0.0);
+        self.player.fill(&mut self.samples);
+        for (frame, samples) in block.iter_mut().zip(self.samples.chunks_exact(2)) {
+            *frame = [samples[0], samples[1]];
+        }
         Ok(())
     }
 }

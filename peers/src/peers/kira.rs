@@ -4,13 +4,16 @@
 use ::kira::backend::{Backend, Renderer};
 use ::kira::listener::ListenerHandle;
 use ::kira::sound::Region;
-use ::kira::sound::static_sound::{StaticSoundData, StaticSoundSettings};
-use ::kira::track::{SpatialTrackBuilder, SpatialTrackHandle};
-use ::kira::{AudioManager, AudioManagerSettings, Capacities, Easing, Frame, StartTime, Tween};
+use ::kira::sound::static_sound::{StaticSoundData, StaticSoundHandle, StaticSoundSettings};
+use ::kira::track::{MainTrackBuilder, SpatialTrackBuilder, SpatialTrackHandle};
+use ::kira::{
+    AudioManager, AudioManagerSettings, Capacities, Decibels, Easing, Frame, Panning, StartTime, Tween,
+};
 use std::sync::Arc;
 use std::time::Duration;
 
 use super::{Kind, Peer, Rendering, Result};
+use crate::plain::Plain;
 use crate::world::{Motion, RATE_HZ, Sound, TICKS_HZ, World};
 
 pub struct Kira;
@@ -46,15 +49,9 @@ impl Peer for Kira {
     }
 
     fn start(&self, world: &World) -> Result<Box<dyn Rendering>> {
-        let say = |error: &dyn std::fmt::Debug| format!("{error:?}");
         let sub_track_capacity = world.voices.len();
-        let mut manager = AudioManager::<Offline>::new(AudioManagerSettings {
-            capacities: Capacities { sub_track_capacity, ..Capacities::default() },
-            main_track_builder: Default::default(),
-            internal_buffer_size: 128,
-            backend_settings: (),
-        })
-        .map_err(|error| say(&error))?;
+        let capacities = Capacities { sub_track_capacity, ..Capacities::default() };
+        let mut manager = manager(capacities, MainTrackBuilder::new())?;
         let ahead = mint::Quaternion { v: [0.0; 3].into(), s: 1.0 };
         let listener = manager.add_listener(point([0.0; 3]), ahead).map_err(|error| say(&error))?;
         let frames = |sound: &Sound| sound.iter().map(|&sample| Frame::from_mono(sample)).collect();
@@ -80,6 +77,20 @@ impl Peer for Kira {
     }
 }
 
+fn say(error: &dyn std::fmt::Debug) -> String {
+    format!("{error:?}")
+}
+
+fn manager(capacities: Capacities, main_track_builder: MainTrackBuilder) -> Result<AudioManager<Offline>> {
+    let settings = AudioManagerSettings {
+        capacities,
+        main_track_builder,
+        internal_buffer_size: 128,
+        backend_settings: (),
+    };
+    AudioManager::new(settings).map_err(|error| say(&error))
+}
+
 fn point([x, y, z]: [f64; 3]) -> mint::Vector3<f32> {
     [x as f32, y as f32, z as f32].into()
 }
@@ -102,13 +113,53 @@ impl Rendering for Playing {
     }
 
     fn render(&mut self, block: &mut [[f32; 2]]) -> Result<()> {
-        let renderer = self.manager.backend_mut().0.as_mut().ok_or("kira did not start")?;
-        self.samples.resize(2 * block.len(), 0.0);
-        renderer.on_start_processing();
-        renderer.process(&mut self.samples, 2);
-        for (frame, samples) in block.iter_mut().zip(self.samples.chunks_exact(2)) {
-            *frame = [samples[0], samples[1]];
-        }
+        render(&mut self.manager, &mut self.samples, block)
+    }
+}
+
+fn render(manager: &mut AudioManager<Offline>, samples: &mut Vec<f32>, block: &mut [[f32; 2]]) -> Result<()> {
+    let renderer = manager.backend_mut().0.as_mut().ok_or("kira did not start")?;
+    samples.resize(2 * block.len(), 0.0);
+    renderer.on_start_processing();
+    renderer.process(samples, 2);
+    for (frame, samples) in block.iter_mut().zip(samples.chunks_exact(2)) {
+        *frame = [samples[0], samples[1]];
+    }
+    Ok(())
+}
+
+/// Sounds of the main track.
+pub fn plain(plain: &Plain) -> Result<Box<dyn Rendering>> {
+    let main = MainTrackBuilder::new().sound_capacity(plain.voices.len());
+    let mut manager = manager(Capacities::default(), main)?;
+    let frames: Arc<[Frame]> = plain.sound.iter().map(|&sample| Frame::from_mono(sample)).collect();
+    let mut sounds = Vec::with_capacity(plain.voices.len());
+    for voice in &plain.voices {
+        let settings = StaticSoundSettings::new()
+            .loop_region(Region::from(..))
+            .start_position(voice.offset as f64 / f64::from(plain.rate_hz))
+            .playback_rate(plain.speed)
+            .volume(Decibels(20.0 * voice.gain.log10() as f32))
+            .panning(Panning(voice.pan as f32));
+        let data =
+            StaticSoundData { sample_rate: plain.rate_hz, frames: frames.clone(), settings, slice: None };
+        sounds.push(manager.play(data).map_err(|error| say(&error))?);
+    }
+    Ok(Box::new(PlainPlaying { manager, _sounds: sounds, samples: Vec::new() }))
+}
+
+struct PlainPlaying {
+    manager: AudioManager<Offline>,
+    _sounds: Vec<StaticSoundHandle>,
+    samples: Vec<f32>,
+}
+
+impl Rendering for PlainPlaying {
+    fn tick(&mut self, _: f64) -> Result<()> {
         Ok(())
+    }
+
+    fn render(&mut self, block: &mut [[f32; 2]]) -> Result<()> {
+        render(&mut self.manager, &mut self.samples, block)
     }
 }

@@ -11,16 +11,16 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::{self, Receiver, Sender};
+use std::sync::mpsc::{self, Sender};
 
 use crate::motion::event::Event;
 use crate::scene::Scene;
 use crate::scene::contact_log::ContactLog;
 use crate::scene::file::Timing;
 use crate::scene::world::World;
+pub use crate::score::compose::Learning;
 pub use crate::score::compose::PULSE;
-pub use crate::score::compose::SoundFacts;
-use crate::score::compose::{self, Composer, Events};
+use crate::score::compose::{self, Composer, Events, SoundFacts};
 use crate::score::ending::Ending;
 use crate::score::{
     AnyReader, AnySpace, ChannelHeader, ChannelLine, ChannelSpace, LATEST_S, Make, ObjectHeader, ObjectLine,
@@ -132,7 +132,7 @@ impl Production {
         &self,
         told: impl Iterator<Item = Result<Event>> + Send + 'static,
         key_step_s: f64,
-        learning: Option<Receiver<(String, SoundFacts)>>,
+        learning: Option<Learning>,
     ) -> Result<ChannelLines<'_>> {
         let tracing = Tracing::of(&self.scene, &self.world)?;
         let events = self.events()?.and(told);
@@ -144,7 +144,7 @@ impl Production {
 
     /// Its sounds, to be loaded while others are heard already: a mixer is given them [for later](crate::synth::mixer::Mixer::with_later),
     /// [`told_lines`](Production::told_lines) what is learnt of them, and [`Loading::run`] is for another thread.
-    pub fn loading(&self) -> (Vec<(String, Later)>, Receiver<(String, SoundFacts)>, Loading) {
+    pub fn loading(&self) -> (Vec<(String, Later)>, Learning, Loading) {
         let (learnt, learning) = mpsc::channel();
         let later: Vec<(String, Later)> =
             self.header.sounds.iter().map(|sound| (sound.name.clone(), Later::default())).collect();

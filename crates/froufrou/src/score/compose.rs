@@ -123,6 +123,9 @@ pub struct SoundFacts {
     pub paper: Option<Arc<PaperSound>>,
 }
 
+/// Where a composer learns of sounds that are still being loaded, by their names.
+pub type Learning = Receiver<(String, SoundFacts)>;
+
 /// What happens in a scene by itself, told by its contact logs and by how its objects move, in time order.
 pub struct Events {
     sources: Vec<Peekable<EventSource>>,
@@ -231,7 +234,7 @@ pub struct Composer<'a, E> {
     told_s: f64,
     presence: Presence,
     /// Where it learns of sounds that are still being loaded, and starts that wait for them.
-    learning: Option<Receiver<(String, SoundFacts)>>,
+    learning: Option<Learning>,
     /// Whether there may be sounds of which nothing is known.
     learns: bool,
     waiting: Vec<Planned>,

@@ -137,6 +137,36 @@ impl Samples<'_> {
         }
     }
 
+    /// Adds the samples from an index on, as they are but for a gain.
+    #[inline(always)]
+    pub(super) fn add(&self, index: i64, gain: f64, out: &mut [f64]) {
+        let length = self.samples.len();
+        let (mut out, mut index) = (out, index);
+        while !out.is_empty() && length > 0 {
+            if self.looped {
+                index = index.rem_euclid(length as i64);
+            } else if index < 0 {
+                // Silence lies before it.
+                let silent = out.len().min(usize::try_from(index.unsigned_abs()).unwrap_or(usize::MAX));
+                out = &mut out[silent..];
+                index = index.saturating_add(silent as i64);
+                continue;
+            }
+            let Some(samples) = usize::try_from(index).ok().and_then(|at| self.samples.get(at..)) else {
+                return;
+            };
+            let count = samples.len().min(out.len());
+            if count == 0 {
+                return;
+            }
+            let (these, behind) = out.split_at_mut(count);
+            for (out, sample) in these.iter_mut().zip(samples) {
+                *out += f64::from(*sample) * gain;
+            }
+            (out, index) = (behind, index.saturating_add(count as i64));
+        }
+    }
+
     /// Reads at many positions, given in input samples, each while moving on by its `ratio` of input
     /// samples an output sample, with the vector unit `simd`. `window` is scratch memory, used near
     /// the ends; it grows to twice [`half_width`].

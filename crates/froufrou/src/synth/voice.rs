@@ -224,6 +224,10 @@ impl pulp::WithSimd for Reading<'_> {
         let whole = |position: f64| (position - position.round()).abs() < WHOLE_SAMPLE;
         let begin = if is_still { place(frames.start as f64 / rate_hz - segment.delay_s[0]) } else { 0.0 };
         let unchanged = is_still && whole(begin);
+        if unchanged && !fades && segment.gain[0] == segment.gain[1] {
+            let index = (begin.round() as i64).saturating_add((self.first - frames.start) as i64);
+            return self.samples.add(index, segment.gain[0], self.out);
+        }
         let (mut positions, mut ratios, mut gains) = ([0.0f64; CHUNK], [0.0f64; CHUNK], [0.0f64; CHUNK]);
         let mut read = [0.0f32; CHUNK];
         for (chunk, out) in self.out.chunks_mut(CHUNK).enumerate() {

@@ -18,6 +18,7 @@ use crate::score::ChannelHeader;
 use crate::synth::mixer::{Mixer, Sounding};
 use crate::synth::path::Foresight;
 use crate::synth::receivers;
+use crate::synth::sinc::Kernel;
 use crate::synth::voice::Prototype;
 use crate::{Error, Result};
 
@@ -36,6 +37,8 @@ pub struct EngineSettings {
     pub ahead_s: f64,
     /// It is handed over in slices of so many frames.
     pub slice_frames: usize,
+    /// How well sounds are read that go to channels directly: see [`Mixer::with_kernel`].
+    pub kernel: Kernel,
     /// See [`Settings::budget`]: 0.8 by default, for an engine plays through a device.
     pub budget: f32,
     /// See [`Settings::catches_up`]: it does by default, so that the latency stays as it is said.
@@ -61,6 +64,7 @@ impl Default for EngineSettings {
             key_step_s: 0.005,
             ahead_s: 0.025,
             slice_frames: 128,
+            kernel: Kernel::Long,
             budget: 0.8,
             catches_up: true,
             room: 1 << 14,
@@ -290,7 +294,7 @@ impl Chain {
             header.receivers.len() != header.channels().len() || production.header.surroundings.is_some();
         let mixer = Mixer::idle(settings.rate_hz, receivers, sounds, lines)?;
         let mixer = mixer.with_seed(header.seed).keeping_going(true).looking_ahead(ONSET_S);
-        let mixer = mixer.with_foresight(Foresight::None).with_later(later);
+        let mixer = mixer.with_foresight(Foresight::None).with_later(later).with_kernel(settings.kernel);
         let mixer = if has_colours { mixer } else { mixer.uncoloured() };
         // A way is known up to its last key, and that is no older than the pulse's next one.
         let known_s = settings.key_step_s + mixer.look_ahead() as f64 / rate_hz;

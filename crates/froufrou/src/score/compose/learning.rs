@@ -1,9 +1,9 @@
 //! Sounds that become known while others are heard already.
 
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, TryRecvError};
+use std::sync::mpsc::TryRecvError;
 
-use super::{Composer, Planned, SoundFacts};
+use super::{Composer, Learning, Planned};
 use crate::Result;
 use crate::motion::event::Event;
 use crate::scene::file::Timing;
@@ -13,7 +13,7 @@ impl<E: Iterator<Item = Result<Event>>> Composer<'_, E> {
     /// The same, which learns of sounds as they are loaded. What plays a sound that is not known yet is silent; one that runs
     /// through the scene begins once it is.
     #[must_use]
-    pub fn learning(self, learning: Option<Receiver<(String, SoundFacts)>>) -> Self {
+    pub fn learning(self, learning: Option<Learning>) -> Self {
         Self { learns: learning.is_some(), learning, ..self }
     }
 

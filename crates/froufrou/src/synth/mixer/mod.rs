@@ -21,7 +21,7 @@ use super::filter::{Filter, Filters};
 use super::instrument::Instrument;
 use super::path::{Foresight, PathBuilder, PathKey, Segment};
 use super::receivers::Receiver;
-use super::sinc;
+use super::sinc::{self, Kernel};
 use super::source::Source;
 use super::stretch::Stretch;
 use super::tiny;
@@ -191,6 +191,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             receivers,
             colours,
             identity: Filter::identity(),
+            kernel: Kernel::Long,
             sounds: soundings,
             threads: BTreeMap::new(),
             sources: BTreeMap::new(),
@@ -257,6 +258,14 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             self.names.insert(name, index);
             self.later.insert(index, later);
         }
+        self
+    }
+
+    /// The same mixer, whose channels read sounds by a kernel: the [short](Kernel::Short) one is for many voices at once. Buses
+    /// have their own.
+    #[must_use]
+    pub fn with_kernel(mut self, kernel: Kernel) -> Self {
+        self.voices.kernel = kernel;
         self
     }
 

@@ -282,7 +282,9 @@ impl Cutter {
             let power = slice.gains[begin..].iter().map(power_of).sum();
             let work = match &filtered {
                 Some(_) => 0.0,
-                None => work::LONG * ratio_of(voices, &slice.heard[heard], &segment).max(1.0),
+                None => {
+                    work::of(reading.signal.kernel) * ratio_of(voices, &slice.heard[heard], &segment).max(1.0)
+                }
             };
             slice.shares.add(heard, work::READING + work + work::CHANNEL * channels as f64, power);
             let passage = slice.heard[heard].passage(Segment { gain, ..segment }, voices.rate_hz);
@@ -306,10 +308,9 @@ impl Cutter {
                 way.gains(&stretch.segment, &thread.filters, &mut self.spread);
                 self.spread.iter().for_each(|gains| slice.spreads.extend(gains));
                 let spread = begin..slice.spreads.len();
-                let work = match (&filtered, signal.kernel) {
-                    (Some(_), _) => 0.0,
-                    (None, Kernel::Long) => work::LONG,
-                    (None, Kernel::Short) => work::SHORT,
+                let work = match &filtered {
+                    Some(_) => 0.0,
+                    None => work::of(signal.kernel),
                 } * ratio_of(voices, &slice.heard[heard], &stretch.segment).max(1.0);
                 let lanes = work::LANE * way.lanes() as f64;
                 slice.shares.add(heard, work::READING + work + lanes, power_of(&stretch.segment.gain));
@@ -430,6 +431,7 @@ impl Cutter {
 /// What is the same for all slices, and memory for rendering them.
 pub struct Desk {
     rate_hz: f64,
+    kernel: Kernel,
     buses: Vec<Bus>,
     voice: Vec<f64>,
     window: Vec<f32>,
@@ -439,11 +441,18 @@ pub struct Desk {
 
 /// What a reading takes in a frame, in multiplications of its kernel, as far as is needed to tell threads from one another.
 mod work {
-    pub const LONG: f64 = 320.0;
-    pub const SHORT: f64 = 96.0;
+    use super::Kernel;
+
     pub const READING: f64 = 60.0;
     pub const CHANNEL: f64 = 10.0;
     pub const LANE: f64 = 2.0;
+
+    pub fn of(kernel: Kernel) -> f64 {
+        match kernel {
+            Kernel::Long => 320.0,
+            Kernel::Short => 96.0,
+        }
+    }
 }
 
 /// The power with a gain that goes from one to another.
@@ -461,8 +470,8 @@ impl Desk {
     pub fn new(voices: &Voices, most_frames: usize) -> Self {
         let window = Vec::with_capacity(2 * sinc::half_width(sinc::MAX_RATIO));
         let buses = voices.buses().cloned().collect();
-        let (rate_hz, voice) = (voices.rate_hz, vec![0.0; most_frames]);
-        Self { rate_hz, buses, voice, window, fade: share::fade(rate_hz) }
+        let (rate_hz, kernel, voice) = (voices.rate_hz, voices.kernel, vec![0.0; most_frames]);
+        Self { rate_hz, kernel, buses, voice, window, fade: share::fade(rate_hz) }
     }
 
     /// The gains with which a thread is let go, frame by frame.
@@ -485,15 +494,8 @@ impl Desk {
             if share.is_silent(&self.fade) {
                 continue;
             }
-            let touched = self.read(
-                slice,
-                kept.heard,
-                &kept.passage,
-                &kept.filtered,
-                Kernel::Long,
-                frames.start,
-                count,
-            );
+            let touched =
+                self.read(slice, kept.heard, &kept.passage, &kept.filtered, self.kernel, frames.start, count);
             let part = &mut self.voice[touched.clone()];
             share.fade(&self.fade, touched.start, part);
             let place = Place {

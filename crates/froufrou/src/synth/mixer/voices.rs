@@ -7,6 +7,7 @@ use super::super::bus::{Bus, LaneBlock, Spreading};
 use super::super::filter::{self, Filter, Filters};
 use super::super::path::{PathBuilder, Segment, UNFILTERED};
 use super::super::receivers::Receiver;
+use super::super::sinc::Kernel;
 use super::super::source::Source;
 use super::super::stretch::{self, Passing, Stretch};
 use super::super::voice::{self, Playback, Signal};
@@ -98,6 +99,8 @@ pub struct Voices {
     pub(super) tail: usize,
     /// What passes filters is read in pieces of at most so many frames, each whole.
     pub(super) piece: usize,
+    /// How well channels read.
+    pub(super) kernel: Kernel,
     pub(super) sounds: Vec<Sounding>,
     pub(super) threads: BTreeMap<(u64, u32), Thread>,
     /// The signals of the threads that are synthesised.
@@ -117,10 +120,11 @@ impl Voices {
     }
 
     fn signal(&self, thread: u64, sound: usize) -> Option<Signal<'_>> {
-        match &self.sounds[sound] {
-            Sounding::Recording(prototype) => Some(prototype.signal()),
-            Sounding::Instrument(_) => self.sources.get(&thread).map(Source::signal),
-        }
+        let signal = match &self.sounds[sound] {
+            Sounding::Recording(prototype) => prototype.signal(),
+            Sounding::Instrument(_) => self.sources.get(&thread)?.signal(),
+        };
+        Some(Signal { kernel: self.kernel, ..signal })
     }
 
     /// What channels hear of all threads between two frames, reading by reading, in the order in which they are
@@ -372,6 +376,9 @@ fn offset_of<T>(all: &[T], part: &[T]) -> usize {
 /// Adds samples from a frame on with the gain of a segment.
 fn add_faded(to: &mut [f64], from: &[f64], segment: &Segment, first: u64, rate_hz: f64) {
     let [begin, end] = segment.gain;
+    if begin == end {
+        return to.iter_mut().zip(from).for_each(|(to, from)| *to += from * begin);
+    }
     let slope = (end - begin) / (segment.end_s - segment.begin_s);
     for ((to, from), index) in to.iter_mut().zip(from).zip(0..) {
         let arrival_s = (first + index) as f64 / rate_hz;
