@@ -140,7 +140,11 @@ fn heard(scene: Scene, movers: &[&str], mut told: impl FnMut(&mut Live, &Stage, 
     live.name_collider(stage.floor, "floor");
     let mut take = |live: &mut Live, time_s: f64| {
         live.handle().advance(time_s).unwrap();
-        capture.take(live.handle(), |frames| Ok(sound.extend_from_slice(frames))).unwrap();
+        let each = |frames: &[f32]| {
+            sound.extend_from_slice(frames);
+            Ok(())
+        };
+        capture.take(live.handle(), each).unwrap();
     };
     for _ in 0..STEPS {
         let (time_s, came) = stage.go_on();

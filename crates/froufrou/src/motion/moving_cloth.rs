@@ -214,7 +214,7 @@ fn cloths_among(
 }
 
 /// What the cloths of a scene do, in order of time: the objects whose materials have a `cloth`, along all that have a
-/// mesh. Swarms are left out. Where meshes are told as they move there are none: see [`told`].
+/// mesh. Swarms are left out. Where meshes are told as they move there are none: a feed looks at those.
 ///
 /// # Errors
 /// An object of cloth without a mesh; what cannot be read, later on.

@@ -222,7 +222,7 @@ fn settings(paper: &Paper) -> PaperSettings {
 }
 
 /// What the sheets of paper of a scene do, in order of time: the objects whose materials have a `paper`, along all that
-/// have a mesh. Swarms are left out. Where meshes are told as they move there are none: see [`told`].
+/// have a mesh. Swarms are left out. Where meshes are told as they move there are none: a feed looks at those.
 ///
 /// # Errors
 /// An object of paper without a mesh, regions that cannot be read; what cannot be read, later on.
