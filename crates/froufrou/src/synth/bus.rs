@@ -24,7 +24,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::filter::Filters;
-use super::path::{PathKey, Segment, UNSPREAD};
+use super::path::{Course, PathKey, Segment, UNSPREAD};
 use super::sinc::Kernel;
 use super::tiny;
 use crate::space::convolution::Convolver;
@@ -242,7 +242,7 @@ const CHUNK: usize = 64;
 /// `out` holds `frames` frames of all lanes; the first sample goes to `offset` of them.
 pub(crate) struct Spreading<'a> {
     pub samples: &'a [f64],
-    pub segment: &'a Segment,
+    pub course: &'a Course,
     pub rate_hz: f64,
     pub first: u64,
     /// As [`Bus::gains`] has them.
@@ -259,7 +259,6 @@ impl pulp::WithSimd for Spreading<'_> {
     fn with_simd<S: pulp::Simd>(self, simd: S) {
         let lanes = self.gains[0].len();
         let frame_s = 1.0 / self.rate_hz;
-        let per_s = 1.0 / (self.segment.end_s - self.segment.begin_s);
         let (mut along, mut read) = ([0.0f32; CHUNK], [0.0f32; CHUNK]);
         for (chunk, samples) in self.samples.chunks(CHUNK).enumerate() {
             let done = chunk * CHUNK;
@@ -267,7 +266,7 @@ impl pulp::WithSimd for Spreading<'_> {
             for ((n, along), (read, sample)) in along.iter_mut().enumerate().zip(read.iter_mut().zip(samples))
             {
                 let arrival_s = (first + n as u32 as f64) * frame_s;
-                *along = ((arrival_s - self.segment.begin_s) * per_s).clamp(0.0, 1.0) as f32;
+                *along = self.course.along(arrival_s) as f32;
                 *read = tiny::flushed(*sample as f32);
             }
             let (along, read) = (&along[..samples.len()], &read[..samples.len()]);

@@ -80,6 +80,28 @@ pub(super) fn row(half_width: usize, fraction: f64, cutoff: f64, beta: f64) -> V
     row
 }
 
+/// A table's taps. They begin where a line of the processor's cache does, so that no vector of a row whose length is a
+/// multiple of [`LANES`] lies in two.
+pub(super) struct Taps {
+    all: Vec<f32>,
+    first: usize,
+}
+
+impl Taps {
+    pub fn new(taps: &[f32]) -> Self {
+        let mut all = vec![0.0; taps.len() + LANES];
+        let first = all.as_ptr().align_offset(LANES * size_of::<f32>()).min(LANES);
+        all[first..first + taps.len()].copy_from_slice(taps);
+        Self { all, first }
+    }
+
+    /// So many of them, from one on.
+    #[inline(always)]
+    pub fn of(&self, begin: usize, count: usize) -> &[f32] {
+        &self.all[self.first + begin..][..count]
+    }
+}
+
 /// Tables of kernels by the ratio that they are for: so many in the first octave of compression, spaced evenly in ratio, and
 /// in each octave half as many as in the one before, whose tables are half as long. So each octave takes the same
 /// memory.
@@ -169,6 +191,17 @@ mod tests {
             let expected = [f64::INFINITY, f64::NEG_INFINITY];
             let expected = ratios.iter().fold(expected, |[a, b], ratio| [a.min(*ratio), b.max(*ratio)]);
             assert_eq!(extent(&ratios), expected);
+        }
+    }
+
+    #[test]
+    fn taps_begin_with_a_line() {
+        for count in [0, 16, 48, 4096] {
+            let given: Vec<f32> = (0..count as u16).map(f32::from).collect();
+            let taps = Taps::new(&given);
+            assert_eq!(taps.of(0, count), given);
+            assert_eq!(taps.of(0, count).as_ptr().align_offset(64), 0);
+            assert_eq!(taps.of(count / 2, count / 2), &given[count / 2..]);
         }
     }
 

@@ -163,7 +163,7 @@ impl Segment {
 
 /// A segment made ready to be asked often: the same but for rounding, without divisions.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Course {
+pub(crate) struct Course {
     begin_s: f64,
     /// One over its length.
     per_s: f64,
@@ -173,7 +173,7 @@ pub(super) struct Course {
 }
 
 impl Segment {
-    pub(super) fn course(&self) -> Course {
+    pub(crate) fn course(&self) -> Course {
         let length_s = self.end_s - self.begin_s;
         let per_s = 1.0 / length_s;
         let rise = self.delay_s[1] - self.delay_s[0];
@@ -190,6 +190,12 @@ impl Segment {
 }
 
 impl Course {
+    /// How much of it lies behind an arrival time, from 0 to 1.
+    #[inline(always)]
+    pub fn along(&self, arrival_s: f64) -> f64 {
+        ((arrival_s - self.begin_s) * self.per_s).clamp(0.0, 1.0)
+    }
+
     /// As [`Segment::at`].
     #[inline(always)]
     pub fn at(&self, arrival_s: f64) -> Moment {

@@ -15,7 +15,7 @@ use std::sync::OnceLock;
 
 use pulp::Simd;
 
-use super::kernel::{self, LANES, Spacing};
+use super::kernel::{self, LANES, Spacing, Taps};
 use super::sinc::Samples;
 use super::tiny;
 
@@ -41,7 +41,7 @@ const SPACING: Spacing = Spacing::new(256);
 /// One cut-off: for each phase a row of taps, and one of what they change by up to the next.
 struct Table {
     width: usize,
-    taps: Vec<f32>,
+    taps: Taps,
 }
 
 impl Table {
@@ -61,13 +61,13 @@ impl Table {
             taps.extend(next.iter().zip(&this).map(|(next, this)| tiny::flushed((next - this) as f32)));
             this = next;
         }
-        Self { width, taps }
+        Self { width, taps: Taps::new(&taps) }
     }
 
     /// The row of a phase and that of its change.
     #[inline(always)]
     fn rows(&self, phase: usize) -> &[f32] {
-        &self.taps[2 * phase * self.width..2 * (phase + 1) * self.width]
+        self.taps.of(2 * phase * self.width, 2 * self.width)
     }
 }
 
@@ -125,7 +125,8 @@ impl Samples<'_> {
             let reach = kernel.width as i64;
             let [low, high] =
                 [0, wholes[positions.len() - 1]].map(|whole: i32| origin.saturating_add(whole.into()));
-            let rises = wholes[..positions.len()].is_sorted();
+            let places = &wholes[..positions.len()];
+            let rises = places.iter().zip(&places[1..]).fold(true, |rises, (a, b)| rises & (a <= b));
             if current == SPACING.index(fastest) && rises && low >= reach && high <= length - reach {
                 let origin = (origin + 1) as usize - kernel.width / 2;
                 for (n, out) in out.iter_mut().enumerate() {

@@ -24,7 +24,7 @@ use std::sync::OnceLock;
 use pulp::Simd;
 
 pub use super::kernel::MAX_RATIO;
-use super::kernel::{self, LANES, Spacing};
+use super::kernel::{self, LANES, Spacing, Taps};
 use super::tiny;
 
 /// Positions between two input samples at which the kernel is tabulated. Cubic interpolation errs by
@@ -54,7 +54,7 @@ const CHUNK: usize = 64;
 /// One cut-off: a row of taps for each phase, from the one before 0 to the one behind 1.
 struct Table {
     half_width: usize,
-    taps: Vec<f32>,
+    taps: Taps,
 }
 
 impl Table {
@@ -67,15 +67,15 @@ impl Table {
         let cutoff = 0.5 * scale - half_transition;
         let fractions = (0..PHASES + 3).map(|phase| (phase as f64 - 1.0) / PHASES as f64);
         let taps = fractions.flat_map(|fraction| kernel::row(half_width, fraction, cutoff, KAISER_BETA));
-        let taps = taps.map(|tap| tiny::flushed(tap as f32)).collect();
-        Self { half_width, taps }
+        let taps: Vec<f32> = taps.map(|tap| tiny::flushed(tap as f32)).collect();
+        Self { half_width, taps: Taps::new(&taps) }
     }
 
     /// The four rows about a phase, end to end.
     #[inline(always)]
     fn rows(&self, phase: usize) -> &[f32] {
         let width = 2 * self.half_width;
-        &self.taps[phase * width..(phase + 4) * width]
+        self.taps.of(phase * width, 4 * width)
     }
 }
 

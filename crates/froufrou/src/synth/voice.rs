@@ -1,8 +1,9 @@
 //! One path of a thread in one channel: a signal read along its way.
 
+use std::ops::Range;
 use std::sync::Arc;
 
-use super::path::{Fades, Moment, Segment};
+use super::path::{Course, Fades, Moment, Segment};
 use super::sinc::{self, Kernel, Samples};
 
 /// A sampled prototype sound: what a thread plays.
@@ -110,33 +111,87 @@ pub fn add_segment(
     block_frame: u64,
     block: &mut [f64],
     window: &mut Vec<f32>,
-) -> std::ops::Range<usize> {
-    let block_end = block_frame + block.len() as u64;
-    let first = first_frame(segment.begin_s, rate_hz).max(block_frame);
-    let end = first_frame(segment.end_s, rate_hz).min(block_end);
-    if first >= end {
-        return 0..0;
-    }
-    let range = (first - block_frame) as usize..(end - block_frame) as usize;
-    // The vector unit of the machine is chosen here; the sums inside are made in one fixed order.
-    pulp::Arch::new().dispatch(Reading {
-        samples: signal.samples,
-        base: signal.base,
-        kernel: signal.kernel,
+) -> Range<usize> {
+    Passage::new(*segment, playback.speed * signal.rate_hz, rate_hz).add(
+        signal,
         playback,
-        source_rate_hz: playback.speed * signal.rate_hz,
-        offset: playback.offset_s * signal.rate_hz,
-        segment,
-        rate_hz,
-        first,
-        out: &mut block[range.clone()],
+        block_frame,
+        block,
         window,
-    });
-    range
+    )
 }
 
-/// The inner loop of [`add_segment`].
+/// A segment made ready to be read in many short blocks: what does not depend on the block is found once.
+#[derive(Debug, Clone)]
+pub(super) struct Passage {
+    pub segment: Segment,
+    course: Course,
+    /// The frames that lie in it.
+    frames: Range<u64>,
+    rate_hz: f64,
+    /// Samples of the prototype in a frame of its source's time.
+    step: f64,
+    /// Whether sample follows sample at the rate at which they were recorded.
+    is_still: bool,
+    fades: bool,
+}
+
+impl Passage {
+    /// That of a segment, along which so many samples of the source are played in a second.
+    pub fn new(segment: Segment, source_rate_hz: f64, rate_hz: f64) -> Self {
+        let frames = first_frame(segment.begin_s, rate_hz)..first_frame(segment.end_s, rate_hz);
+        let step = source_rate_hz / rate_hz;
+        let is_still = segment.is_still() && step == 1.0;
+        let fades = segment.fades != Fades::NONE;
+        Self { course: segment.course(), segment, frames, rate_hz, step, is_still, fades }
+    }
+
+    /// How it goes on.
+    pub fn course(&self) -> &Course {
+        &self.course
+    }
+
+    /// Whether anything of it falls into so many frames from one on.
+    pub fn touches(&self, frame: u64, count: usize) -> bool {
+        self.frames.start < frame + count as u64 && self.frames.end > frame
+    }
+
+    /// Adds what falls into a block, as [`add_segment`] does.
+    #[inline]
+    pub fn add(
+        &self,
+        signal: Signal<'_>,
+        playback: &Playback,
+        block_frame: u64,
+        block: &mut [f64],
+        window: &mut Vec<f32>,
+    ) -> Range<usize> {
+        let first = self.frames.start.max(block_frame);
+        let end = self.frames.end.min(block_frame + block.len() as u64);
+        if first >= end {
+            return 0..0;
+        }
+        let range = (first - block_frame) as usize..(end - block_frame) as usize;
+        // The vector unit of the machine is chosen here; the sums inside are made in one fixed order.
+        pulp::Arch::new().dispatch(Reading {
+            passage: self,
+            samples: signal.samples,
+            base: signal.base,
+            kernel: signal.kernel,
+            playback,
+            source_rate_hz: playback.speed * signal.rate_hz,
+            offset: playback.offset_s * signal.rate_hz,
+            first,
+            out: &mut block[range.clone()],
+            window,
+        });
+        range
+    }
+}
+
+/// The inner loop of [`Passage::add`].
 struct Reading<'a> {
+    passage: &'a Passage,
     samples: Samples<'a>,
     base: f64,
     kernel: Kernel,
@@ -145,8 +200,6 @@ struct Reading<'a> {
     source_rate_hz: f64,
     /// Where in the prototype it begins, in samples.
     offset: f64,
-    segment: &'a Segment,
-    rate_hz: f64,
     first: u64,
     out: &'a mut [f64],
     window: &'a mut Vec<f32>,
@@ -160,7 +213,7 @@ impl pulp::WithSimd for Reading<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
-        let step = self.source_rate_hz / self.rate_hz;
+        let &Passage { ref segment, ref course, ref frames, rate_hz, step, is_still, fades } = self.passage;
         // The base is taken off last: whole numbers do not change how a position is rounded, so that
         // it does not matter how much of a signal is held.
         let place = |emission_s: f64| {
@@ -169,11 +222,8 @@ impl pulp::WithSimd for Reading<'_> {
         // Where nothing moves, all positions are as far from a whole sample but for rounding. One
         // speaks for the whole segment: else it would depend on the block how they are read.
         let whole = |position: f64| (position - position.round()).abs() < WHOLE_SAMPLE;
-        let begin_s = first_frame(self.segment.begin_s, self.rate_hz) as f64 / self.rate_hz;
-        let is_still = self.segment.is_still() && step == 1.0;
-        let begin = place(begin_s - self.segment.delay_s[0]);
+        let begin = if is_still { place(frames.start as f64 / rate_hz - segment.delay_s[0]) } else { 0.0 };
         let unchanged = is_still && whole(begin);
-        let course = self.segment.course();
         let (mut positions, mut ratios, mut gains) = ([0.0f64; CHUNK], [0.0f64; CHUNK], [0.0f64; CHUNK]);
         let mut read = [0.0f32; CHUNK];
         for (chunk, out) in self.out.chunks_mut(CHUNK).enumerate() {
@@ -184,23 +234,23 @@ impl pulp::WithSimd for Reading<'_> {
                 ratios[n] = moment.rate * step;
                 gains[n] = moment.gain;
             };
-            let arrivals_s = (0..count).map(|n| (n, (first + n as u32 as f64) / self.rate_hz));
+            let arrivals_s = (0..count).map(|n| (n, (first + n as u32 as f64) / rate_hz));
             match self.kernel {
                 Kernel::Long => {
-                    arrivals_s.for_each(|(n, arrival_s)| find(n, arrival_s, self.segment.at(arrival_s)));
+                    arrivals_s.for_each(|(n, arrival_s)| find(n, arrival_s, segment.at(arrival_s)));
                 }
                 Kernel::Short => {
-                    let frame_s = 1.0 / self.rate_hz;
+                    let frame_s = 1.0 / rate_hz;
                     (0..count).for_each(|n| {
                         let arrival_s = (first + n as u32 as f64) * frame_s;
                         find(n, arrival_s, course.at(arrival_s));
                     });
                 }
             }
-            if self.segment.fades != Fades::NONE {
+            if fades {
                 for (n, gain) in gains[..count].iter_mut().enumerate() {
-                    let arrival_s = (first + n as u32 as f64) / self.rate_hz;
-                    *gain *= self.segment.fades.gain(arrival_s - self.segment.at(arrival_s).delay_s);
+                    let arrival_s = (first + n as u32 as f64) / rate_hz;
+                    *gain *= segment.fades.gain(arrival_s - segment.at(arrival_s).delay_s);
                 }
             }
             if unchanged {

@@ -14,7 +14,7 @@ use super::super::bus::{Bus, Spreading};
 use super::super::path::{Segment, UNFILTERED};
 use super::super::sinc::{self, Kernel, Samples};
 use super::super::stretch::Stretch;
-use super::super::voice::{self, Playback, Prototype, Signal};
+use super::super::voice::{Passage, Playback, Prototype, Signal};
 use super::Sounding;
 use super::share::{self, Levels, Shares};
 use super::voices::{Place, Scratch, Thread, Voices};
@@ -51,6 +51,13 @@ struct Heard {
     needed: [f64; 2],
 }
 
+impl Heard {
+    /// One of its segments, made ready to be read.
+    fn passage(&self, segment: Segment, rate_hz: f64) -> Passage {
+        Passage::new(segment, self.playback.speed * self.rate_hz, rate_hz)
+    }
+}
+
 enum Held {
     Recording(Prototype),
     /// These of the slice's samples, and the number of the first.
@@ -60,9 +67,8 @@ enum Held {
 /// A reading of a channel or several.
 struct Kept {
     heard: usize,
-    segment: Segment,
-    /// With this it is read.
-    gain: [f64; 2],
+    /// With the gain with which it is read.
+    passage: Passage,
     first_channel: usize,
     gains: Range<usize>,
     /// Where it passed filters.
@@ -73,7 +79,8 @@ struct Kept {
 struct KeptArrival {
     bus: usize,
     heard: usize,
-    segment: Segment,
+    /// Without gain: its spreads have that.
+    passage: Passage,
     /// Its spreads.
     spread: Range<usize>,
     filtered: Option<Filtered>,
@@ -158,27 +165,30 @@ impl Slice {
     /// Lets all that sounds at its end go on from there as it does then, for so many seconds, for nothing is known of what
     /// comes. Recordings are read on; of a synthesised sound there is a short tail.
     pub fn hold(&mut self, rate_hz: f64, for_s: f64) {
-        let Self { frames, lanes, readings, arrivals, gains, spreads, .. } = self;
+        let Self { frames, lanes, heard, readings, arrivals, gains, spreads, .. } = self;
         let frame_s = 1.0 / rate_hz;
         let end_s = frames.end as f64 * frame_s;
         for kept in readings {
-            if let Some((held, along)) = held(&kept.segment, end_s, frame_s, for_s) {
-                for gain in [&mut kept.gain].into_iter().chain(&mut gains[kept.gains.clone()]) {
+            let Passage { segment, .. } = kept.passage;
+            if let Some((held, along)) = held(&segment, end_s, frame_s, for_s) {
+                let mut own = segment.gain;
+                for gain in [&mut own].into_iter().chain(&mut gains[kept.gains.clone()]) {
                     *gain = [gain[0] + along * (gain[1] - gain[0]); 2];
                 }
-                kept.segment = Segment { gain: kept.gain, ..held };
+                let held = Segment { gain: own, ..held };
+                kept.passage = heard[kept.heard].passage(held, rate_hz);
             }
         }
         for kept in arrivals {
             let Some(frames) = lanes.get(kept.bus) else { continue };
             let end_s = frames.end as f64 * frame_s;
-            if let Some((held, along)) = held(&kept.segment, end_s, frame_s, for_s) {
+            if let Some((held, along)) = held(&kept.passage.segment, end_s, frame_s, for_s) {
                 let (begin, change) = spreads[kept.spread.clone()].split_at_mut(kept.spread.len() / 2);
                 for (begin, change) in begin.iter_mut().zip(change) {
                     *begin += along as f32 * *change;
                     *change = 0.0;
                 }
-                kept.segment = held;
+                kept.passage = heard[kept.heard].passage(held, rate_hz);
             }
         }
     }
@@ -275,10 +285,10 @@ impl Cutter {
                 None => work::LONG * ratio_of(voices, &slice.heard[heard], &segment).max(1.0),
             };
             slice.shares.add(heard, work::READING + work + work::CHANNEL * channels as f64, power);
+            let passage = slice.heard[heard].passage(Segment { gain, ..segment }, voices.rate_hz);
             slice.readings.push(Kept {
                 heard,
-                segment: Segment { gain, ..segment },
-                gain,
+                passage,
                 first_channel: reading.first_channel,
                 gains: begin..slice.gains.len(),
                 filtered,
@@ -303,7 +313,9 @@ impl Cutter {
                 } * ratio_of(voices, &slice.heard[heard], &stretch.segment).max(1.0);
                 let lanes = work::LANE * way.lanes() as f64;
                 slice.shares.add(heard, work::READING + work + lanes, power_of(&stretch.segment.gain));
-                slice.arrivals.push(KeptArrival { bus, heard, segment: stretch.segment, spread, filtered });
+                let segment = Segment { gain: [1.0; 2], ..stretch.segment };
+                let passage = slice.heard[heard].passage(segment, voices.rate_hz);
+                slice.arrivals.push(KeptArrival { bus, heard, passage, spread, filtered });
             }
             self.lanes[bus] = frames.end;
             slice.lanes.push(frames);
@@ -476,7 +488,7 @@ impl Desk {
             let touched = self.read(
                 slice,
                 kept.heard,
-                &kept.segment,
+                &kept.passage,
                 &kept.filtered,
                 Kernel::Long,
                 frames.start,
@@ -492,7 +504,7 @@ impl Desk {
                 rate_hz: self.rate_hz,
             };
             let gains = slice.gains[kept.gains.clone()].iter().copied();
-            place.add(part, &kept.segment, gains, channels);
+            place.add(part, &kept.passage.segment, gains, channels);
             part.fill(0.0);
         }
     }
@@ -514,8 +526,8 @@ impl Desk {
             if share.is_silent(&self.fade) {
                 continue;
             }
-            let segment = Segment { gain: [1.0; 2], ..kept.segment };
-            let touched = self.read(slice, kept.heard, &segment, &kept.filtered, kernel, frames.start, count);
+            let KeptArrival { heard, passage, filtered, .. } = kept;
+            let touched = self.read(slice, *heard, passage, filtered, kernel, frames.start, count);
             if touched.is_empty() {
                 continue;
             }
@@ -525,7 +537,7 @@ impl Desk {
             let (begin, change) = slice.spreads[kept.spread.clone()].split_at(kept.spread.len() / 2);
             pulp::Arch::new().dispatch(Spreading {
                 samples: part,
-                segment: &kept.segment,
+                course: passage.course(),
                 rate_hz: self.rate_hz,
                 first: frames.start + touched.start as u64,
                 gains: [begin, change],
@@ -544,7 +556,7 @@ impl Desk {
         &mut self,
         slice: &Slice,
         heard: usize,
-        segment: &Segment,
+        passage: &Passage,
         filtered: &Option<Filtered>,
         kernel: Kernel,
         frame: u64,
@@ -554,8 +566,11 @@ impl Desk {
         if let Some(filtered) = filtered {
             return filtered.add(slice, frame, voice);
         }
+        if !passage.touches(frame, count) {
+            return 0..0;
+        }
         let heard = &slice.heard[heard];
         let signal = slice.signal(heard, kernel);
-        voice::add_segment(signal, &heard.playback, segment, self.rate_hz, frame, voice, &mut self.window)
+        passage.add(signal, &heard.playback, frame, voice, &mut self.window)
     }
 }

@@ -218,12 +218,13 @@ impl Voices {
                 continue;
             }
             way.gains(segment, &thread.filters, &mut gains);
+            let course = segment.course();
             let part = &mut scratch.voice[touched.clone()];
             let into = |out: &mut Vec<f32>| {
                 out.resize(frames * way.lanes(), 0.0);
                 pulp::Arch::new().dispatch(Spreading {
                     samples: part,
-                    segment,
+                    course: &course,
                     rate_hz: self.rate_hz,
                     first: frame + touched.start as u64,
                     gains: [&gains[0], &gains[1]],
