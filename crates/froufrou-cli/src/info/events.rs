@@ -59,7 +59,7 @@ pub fn read(file: &Path) -> Result<EventFindings> {
         found.events += 1;
         Range::widen(&mut found.times_s, event.time_s());
         match event {
-            Event::Quiet(_) => {}
+            Event::Quiet(_) | Event::Change(_) => {}
             Event::Impact(impact) => {
                 *found.kinds.entry("impact").or_default() += 1;
                 Range::widen(&mut found.impulses_ns, impact.impulse_ns);

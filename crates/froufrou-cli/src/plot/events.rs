@@ -122,7 +122,7 @@ fn read(file: &Path, mut each: impl FnMut(Mark)) -> Result<()> {
     let open = File::open(file).map_err(|fault| Error::io("open", file, fault))?;
     for event in Reader::new(BufReader::new(open), file) {
         each(match event? {
-            Event::Quiet(_) => continue,
+            Event::Quiet(_) | Event::Change(_) => continue,
             Event::Impact(impact) => Mark {
                 time_s: impact.time_s,
                 pair: (impact.a, impact.b),

@@ -47,10 +47,12 @@
 //! frame that was due. Where too much is there (the clock of what feeds it is faster than that of the device), some is
 //! left out in the same way. Both are counted in [`Statistics`].
 //!
-//! **Where there is no time for all voices.** What a reading takes is measured while the sound plays, and a slice says
+//! **Where there is no time for all voices.** What a reading takes is measured while the sound plays: as much as only one block
+//! in ten of the last second took more of, blocks left out during which the thread had to wait for others. A slice says
 //! how much work its readings are, so it is known before a block whether it would take more than [`Settings::budget`] of
 //! its time. Then the least audible voices are released: gain and level of the signal, found by the worker, put them in order. They
-//! fade, are not read any more, and come back when there has been room for a while; the others keep their bits. A voice
+//! fade, are not read any more, and come back one after the other, 400 a second at most, when there has been room for half a
+//! second; the others keep their bits. A voice
 //! that begins where there is no room for it is not heard. What is released is counted, and so are blocks that are late all
 //! the same.
 //!

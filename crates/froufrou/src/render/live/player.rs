@@ -304,9 +304,10 @@ impl Player {
             frames = frames.min((current.frames().end - self.frame) as usize);
             if self.budget.is_limited() {
                 let anyway = self.held.as_ref().map_or(0.0, |held| held.slice.read_work());
-                let [room, sure_room] = self.budget.room(anyway, frames);
-                let stolen = current.fit(room, sure_room, self.desk.fade());
-                self.counters.stolen.fetch_add(stolen, Relaxed);
+                let room = self.budget.room(anyway, frames);
+                let [stolen, back] = current.fit(room, self.desk.fade());
+                self.budget.came_back(back);
+                self.counters.stolen.fetch_add(stolen as u64, Relaxed);
                 self.counters.released.store(current.released() as u32, Relaxed);
             }
             let (begun_s, work) = (self.budget.begin(), current.read_work());

@@ -30,6 +30,7 @@ use crate::random::Random;
 use crate::score::{Action, Arrival, ChannelLine, Cue, LATEST_S, Start, Statement, Verb};
 use crate::space::bands::BandFilters;
 use crate::{Error, Place, Result};
+pub use share::Room;
 pub use slice::{Cutter, Desk, Slice};
 use voices::Thread;
 pub use voices::{Block, Voices};

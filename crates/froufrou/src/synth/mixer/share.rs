@@ -18,6 +18,17 @@ const LEVEL_BLOCK: usize = 1024;
 /// What is loud is taken to be so for a while longer, by this part a second, so that beats and short rests change no order.
 const DECAY_PER_S: f64 = 1e-3;
 
+/// How much work a frame there is time for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Room {
+    /// No more than this is done.
+    pub now: f64,
+    /// There is room for so much for sure: who is released comes back only into this.
+    pub sure: f64,
+    /// So many of them at most.
+    pub back: usize,
+}
+
 /// How far a thread has been let go.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Share {
@@ -172,38 +183,50 @@ impl Slice {
         shares.count(last);
     }
 
-    /// Releases the softest threads, so that no more work than that of `room` is left, and takes those back that fit into
-    /// `sure_room`, which is less; gives how many have been released by this.
-    pub fn fit(&mut self, room: f64, sure_room: f64, fade: &[f64]) -> u64 {
+    /// Takes threads back for which there is room, the loudest first, and releases the softest where there is not enough; gives
+    /// how many have been released by this and how many have come back.
+    pub fn fit(&mut self, room: Room, fade: &[f64]) -> [usize; 2] {
         let last = fade.len().saturating_sub(1) as u32;
         let shares = &mut self.shares;
         let is_fresh = std::mem::replace(&mut shares.is_fresh, false);
-        if shares.released == 0 && shares.work <= room {
-            return 0;
+        if shares.released == 0 && shares.work <= room.now {
+            return [0; 2];
         }
-        let (mut sum, mut stolen, mut changes) = (0.0, 0, false);
-        for &thread in &shares.order {
+        let Shares { of, voices, order, follows, .. } = shares;
+        let (mut sum, mut heard, mut stolen, mut back) = (0.0, 0.0, 0, 0);
+        for &thread in &*order {
             let thread = thread as usize;
-            let (Some(share), Some(voice)) = (shares.of.get_mut(thread), shares.voices.get(thread)) else {
-                continue;
-            };
+            let (Some(share), Some(voice)) = (of.get_mut(thread), voices.get(thread)) else { continue };
             sum += f64::from(voice.work);
-            let fits = sum <= if share.is_released { sure_room } else { room };
-            let is_new = is_fresh && (!shares.follows || voice.before == NEW);
-            if share.is_released == fits {
-                share.is_released = !fits;
-                stolen += u64::from(!fits);
-                changes = true;
-                if is_new {
-                    // Nothing of it has been heard yet.
-                    share.faded = if fits { 0 } else { last };
-                }
+            if share.is_released && sum <= room.sure && back < room.back {
+                share.is_released = false;
+                back += 1;
+            }
+            if !share.is_released {
+                heard += f64::from(voice.work);
             }
         }
-        if changes {
+        for &thread in order.iter().rev() {
+            if heard <= room.now {
+                break;
+            }
+            let thread = thread as usize;
+            let (Some(share), Some(voice)) = (of.get_mut(thread), voices.get(thread)) else { continue };
+            if share.is_released {
+                continue;
+            }
+            share.is_released = true;
+            heard -= f64::from(voice.work);
+            stolen += 1;
+            if is_fresh && (!*follows || voice.before == NEW) {
+                // Nothing of it has been heard yet.
+                share.faded = last;
+            }
+        }
+        if stolen + back > 0 {
             shares.count(last);
         }
-        stolen
+        [stolen, back]
     }
 
     /// So many frames of it have been played.
