@@ -112,8 +112,16 @@ pub fn add_segment(
     window: &mut Vec<f32>,
 ) -> std::ops::Range<usize> {
     let block_end = block_frame + block.len() as u64;
-    let first = first_frame(segment.begin_s, rate_hz).max(block_frame);
-    let end = first_frame(segment.end_s, rate_hz).min(block_end);
+    // Most often the block lies within the segment, which one division tells by the law of `first_frame`.
+    let is_behind = |frame: u64, time_s: f64| frame <= LAST_FRAME && frame as f64 / rate_hz >= time_s;
+    let first = match is_behind(block_frame, segment.begin_s) {
+        true => block_frame,
+        false => first_frame(segment.begin_s, rate_hz).max(block_frame),
+    };
+    let end = match block_end == 0 || is_behind(block_end - 1, segment.end_s) {
+        true => first_frame(segment.end_s, rate_hz).min(block_end),
+        false => block_end.min(LAST_FRAME),
+    };
     if first >= end {
         return 0..0;
     }
@@ -169,12 +177,18 @@ impl pulp::WithSimd for Reading<'_> {
         // Where nothing moves, all positions are as far from a whole sample but for rounding. One
         // speaks for the whole segment: else it would depend on the block how they are read.
         let whole = |position: f64| (position - position.round()).abs() < WHOLE_SAMPLE;
-        let begin_s = first_frame(self.segment.begin_s, self.rate_hz) as f64 / self.rate_hz;
         let is_still = self.segment.is_still() && step == 1.0;
-        let begin = place(begin_s - self.segment.delay_s[0]);
+        let first_of_all = if is_still { first_frame(self.segment.begin_s, self.rate_hz) } else { 0 };
+        let begin = place(first_of_all as f64 / self.rate_hz - self.segment.delay_s[0]);
         let unchanged = is_still && whole(begin);
-        if unchanged && self.segment.fades == Fades::NONE && self.segment.gain[0] == self.segment.gain[1] {
-            let first_of_all = first_frame(self.segment.begin_s, self.rate_hz);
+        // What leaves later arrives later, so that the first frame and the last speak for all.
+        let fades = self.segment.fades != Fades::NONE && {
+            let last = self.first + (self.out.len() as u64).saturating_sub(1);
+            let [from_s, to_s] =
+                [self.first, last].map(|frame| self.segment.emission_s(frame as f64 / self.rate_hz));
+            !self.segment.fades.are_over(from_s, to_s)
+        };
+        if unchanged && !fades && self.segment.gain[0] == self.segment.gain[1] {
             let index = (begin.round() as i64).saturating_add((self.first - first_of_all) as i64);
             return self.samples.add(index, self.segment.gain[0], self.out);
         }
@@ -202,7 +216,7 @@ impl pulp::WithSimd for Reading<'_> {
                     });
                 }
             }
-            if self.segment.fades != Fades::NONE {
+            if fades {
                 for (n, gain) in gains[..count].iter_mut().enumerate() {
                     let arrival_s = (first + n as u32 as f64) / self.rate_hz;
                     *gain *= self.segment.fades.gain(arrival_s - self.segment.at(arrival_s).delay_s);
@@ -309,6 +323,44 @@ mod tests {
                 let at = first + 3 * n as u64;
                 add_segment(prototype.signal(), &playback, &segment, 48_000.0, at, &mut block, window);
                 assert_eq!(block, piece);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_copied_is_each_sample_with_its_gain() {
+        let samples = noise(37);
+        for (looped, offset) in [(true, 0), (true, 30), (false, 0), (false, 30)] {
+            let prototype = Prototype { samples: samples.clone(), rate_hz: 48_000.0, looped };
+            let (start, delay) = (1000u64, 11);
+            let start_s = start as f64 / 48_000.0;
+            let playback = Playback { start_s, speed: 1.0, offset_s: f64::from(offset) / 48_000.0 };
+            // It begins before its time, and fades at both ends: that is over in between, where samples are copied.
+            let fades = Fades { in_s: start_s, out_s: start_s + 0.05 };
+            let delay_s = f64::from(delay) / 48_000.0;
+            let segment = Segment { fades, ..still(start_s - 0.001, start_s + 0.07, delay_s, 0.37) };
+            let expected: Vec<f64> = (0..5000u64)
+                .map(|frame| {
+                    let arrival_s = frame as f64 / 48_000.0;
+                    if !(segment.begin_s..segment.end_s).contains(&arrival_s) {
+                        return 0.0;
+                    }
+                    let index = frame as i64 - start as i64 - i64::from(delay) + i64::from(offset);
+                    let sample = prototype.signal().samples.at(index);
+                    f64::from(sample) * (0.37 * fades.gain(segment.emission_s(arrival_s)))
+                })
+                .collect();
+            assert!(expected.iter().filter(|&&sample| sample != 0.0).count() > 5);
+            for length in [1usize, 7, 128, 5000] {
+                let mut found = Vec::new();
+                while found.len() < 5000 {
+                    let mut block = vec![0.0; length.min(5000 - found.len())];
+                    let at = found.len() as u64;
+                    let window = &mut Vec::new();
+                    add_segment(prototype.signal(), &playback, &segment, 48_000.0, at, &mut block, window);
+                    found.extend(block);
+                }
+                assert_eq!(found, expected, "looped {looped}, {offset} samples into it, blocks of {length}");
             }
         }
     }
