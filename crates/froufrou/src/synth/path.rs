@@ -73,6 +73,11 @@ impl Fades {
         }
     }
 
+    /// Whether nothing fades between two emission times.
+    pub fn are_over(&self, from_s: f64, to_s: f64) -> bool {
+        from_s >= self.in_s + FADE_S && to_s <= self.out_s
+    }
+
     /// The gain at an emission time. A fade out and a fade in at one time sum to 1.
     pub fn gain(&self, emission_s: f64) -> f64 {
         let rise = |begin_s: f64| {

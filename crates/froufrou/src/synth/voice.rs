@@ -224,6 +224,12 @@ impl pulp::WithSimd for Reading<'_> {
         let whole = |position: f64| (position - position.round()).abs() < WHOLE_SAMPLE;
         let begin = if is_still { place(frames.start as f64 / rate_hz - segment.delay_s[0]) } else { 0.0 };
         let unchanged = is_still && whole(begin);
+        // What leaves later arrives later, so that the first frame and the last speak for all.
+        let fades = fades && {
+            let last = self.first + (self.out.len() as u64).saturating_sub(1);
+            let [from_s, to_s] = [self.first, last].map(|frame| segment.emission_s(frame as f64 / rate_hz));
+            !segment.fades.are_over(from_s, to_s)
+        };
         if unchanged && !fades && segment.gain[0] == segment.gain[1] {
             let index = (begin.round() as i64).saturating_add((self.first - frames.start) as i64);
             return self.samples.add(index, segment.gain[0], self.out);
@@ -358,6 +364,44 @@ mod tests {
                 let at = first + 3 * n as u64;
                 add_segment(prototype.signal(), &playback, &segment, 48_000.0, at, &mut block, window);
                 assert_eq!(block, piece);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_copied_is_each_sample_with_its_gain() {
+        let samples = noise(37);
+        for (looped, offset) in [(true, 0), (true, 30), (false, 0), (false, 30)] {
+            let prototype = Prototype { samples: samples.clone(), rate_hz: 48_000.0, looped };
+            let (start, delay) = (1000u64, 11);
+            let start_s = start as f64 / 48_000.0;
+            let playback = Playback { start_s, speed: 1.0, offset_s: f64::from(offset) / 48_000.0 };
+            // It begins before its time, and fades at both ends: that is over in between, where samples are copied.
+            let fades = Fades { in_s: start_s, out_s: start_s + 0.05 };
+            let delay_s = f64::from(delay) / 48_000.0;
+            let segment = Segment { fades, ..still(start_s - 0.001, start_s + 0.07, delay_s, 0.37) };
+            let expected: Vec<f64> = (0..5000u64)
+                .map(|frame| {
+                    let arrival_s = frame as f64 / 48_000.0;
+                    if !(segment.begin_s..segment.end_s).contains(&arrival_s) {
+                        return 0.0;
+                    }
+                    let index = frame as i64 - start as i64 - i64::from(delay) + i64::from(offset);
+                    let sample = prototype.signal().samples.at(index);
+                    f64::from(sample) * (0.37 * fades.gain(segment.emission_s(arrival_s)))
+                })
+                .collect();
+            assert!(expected.iter().filter(|&&sample| sample != 0.0).count() > 5);
+            for length in [1usize, 7, 128, 5000] {
+                let mut found = Vec::new();
+                while found.len() < 5000 {
+                    let mut block = vec![0.0; length.min(5000 - found.len())];
+                    let at = found.len() as u64;
+                    let window = &mut Vec::new();
+                    add_segment(prototype.signal(), &playback, &segment, 48_000.0, at, &mut block, window);
+                    found.extend(block);
+                }
+                assert_eq!(found, expected, "looped {looped}, {offset} samples into it, blocks of {length}");
             }
         }
     }

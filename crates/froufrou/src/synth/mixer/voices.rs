@@ -377,7 +377,8 @@ fn offset_of<T>(all: &[T], part: &[T]) -> usize {
 fn add_faded(to: &mut [f64], from: &[f64], segment: &Segment, first: u64, rate_hz: f64) {
     let [begin, end] = segment.gain;
     if begin == end {
-        return to.iter_mut().zip(from).for_each(|(to, from)| *to += from * begin);
+        let add = || to.iter_mut().zip(from).for_each(|(to, from)| *to += from * begin);
+        return pulp::Arch::new().dispatch(add);
     }
     let slope = (end - begin) / (segment.end_s - segment.begin_s);
     for ((to, from), index) in to.iter_mut().zip(from).zip(0..) {
