@@ -341,7 +341,7 @@ pub fn to_file(play: &Play, input: &Path, output: &Path) -> Result<()> {
 }
 
 #[cfg(feature = "device")]
-pub use at_device::to_device;
+pub use at_device::on_device;
 
 #[cfg(feature = "device")]
 mod at_device {
@@ -409,7 +409,7 @@ mod at_device {
     ///
     /// # Errors
     /// A scene, feed or device that cannot be.
-    pub fn to_device(play: &Play, input: &Path) -> Result<()> {
+    pub fn on_device(play: &Play, input: &Path) -> Result<()> {
         let feed = Feed::open(input)?;
         let (mut handle, player, output) = start(play, &feed)?;
         let (rate_hz, channels) = (f64::from(output.rate_hz()), player.channels());

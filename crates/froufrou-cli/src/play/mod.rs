@@ -96,19 +96,19 @@ impl Play {
         if let Some((input, output)) = self.feed.file() {
             return feed::to_file(&self, input, output);
         }
-        self.to_device()
+        self.on_device()
     }
 
     #[cfg(feature = "device")]
-    fn to_device(self) -> Result<()> {
+    fn on_device(self) -> Result<()> {
         match self.feed.input() {
-            Some(input) => feed::to_device(&self, input),
+            Some(input) => feed::on_device(&self, input),
             None => desk::run(&self),
         }
     }
 
     #[cfg(not(feature = "device"))]
-    fn to_device(self) -> Result<()> {
+    fn on_device(self) -> Result<()> {
         let help = "build it with `--features device`, or give `--feed` and `--output`";
         Err(Error::new("this froufrou plays to no sound device").help(help))
     }
