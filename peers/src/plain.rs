@@ -8,6 +8,7 @@ use froufrou::synth::sinc::Kernel;
 
 use crate::measure::{self, Cost, Plan};
 use crate::options::Options;
+use crate::peers::froufrou::Worker;
 use crate::peers::{self, Rendering, Result, kira, oddio};
 use crate::world::{AMPLITUDE, RATE_HZ, Sound};
 
@@ -77,19 +78,39 @@ impl Plain {
 /// Who plays plain voices.
 struct Row {
     name: &'static str,
+    /// Whether it reads otherwise than the rows before it.
+    reads: bool,
     start: fn(&Plain) -> Result<Box<dyn Rendering>>,
 }
 
-const ROWS: [Row; 6] = [
-    Row { name: "froufrou", start: |plain| peers::froufrou::plain(plain, Kernel::Long, true) },
-    Row { name: "froufrou, audio thread", start: |plain| peers::froufrou::plain(plain, Kernel::Long, false) },
-    Row { name: "froufrou-short", start: |plain| peers::froufrou::plain(plain, Kernel::Short, true) },
+const ROWS: [Row; 7] = [
+    Row {
+        name: "froufrou",
+        reads: true,
+        start: |plain| peers::froufrou::plain(plain, Kernel::Long, Worker::Beside(128)),
+    },
+    Row {
+        name: "froufrou, slices of 512",
+        reads: false,
+        start: |plain| peers::froufrou::plain(plain, Kernel::Long, Worker::Beside(512)),
+    },
+    Row {
+        name: "froufrou, audio thread",
+        reads: false,
+        start: |plain| peers::froufrou::plain(plain, Kernel::Long, Worker::Before),
+    },
+    Row {
+        name: "froufrou-short, slices of 512",
+        reads: true,
+        start: |plain| peers::froufrou::plain(plain, Kernel::Short, Worker::Beside(512)),
+    },
     Row {
         name: "froufrou-short, audio thread",
-        start: |plain| peers::froufrou::plain(plain, Kernel::Short, false),
+        reads: false,
+        start: |plain| peers::froufrou::plain(plain, Kernel::Short, Worker::Before),
     },
-    Row { name: "oddio", start: oddio::plain },
-    Row { name: "kira", start: kira::plain },
+    Row { name: "oddio", reads: true, start: oddio::plain },
+    Row { name: "kira", reads: true, start: kira::plain },
 ];
 
 /// Prints what plain voices cost, and how well each peer reads them.
@@ -117,7 +138,7 @@ pub fn compare(options: &Options) -> Result<()> {
     let titles: Vec<String> = tones_hz.iter().map(|hz| format!("{hz} Hz")).collect();
     println!("| level / what is not the tone, in dB: 44.1 kHz at speed 1 | {} |", titles.join(" | "));
     println!("| --- |{}", " --- |".repeat(titles.len()));
-    for row in ROWS.iter().filter(|row| !row.name.ends_with("audio thread")) {
+    for row in ROWS.iter().filter(|row| row.reads) {
         let cell = |hz: &usize| {
             let [level_db, rest_db] = purity(&mut *(row.start)(&Plain::tone(44_100, 1.0, *hz))?, *hz as f64)?;
             Ok(format!("{level_db:+.1} / {rest_db:.0}"))
@@ -157,4 +178,32 @@ pub fn purity(rendering: &mut dyn Rendering, tone_hz: f64) -> Result<[f64; 2]> {
     let power = 0.5 * (a * a + b * b);
     let expected = 0.5 * (AMPLITUDE * 0.5f64.sqrt()).powi(2);
     Ok([10.0 * (power / expected).log10(), 10.0 * (rest / power).log10()])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_play_the_same_voices() {
+        for row in ROWS.iter().filter(|row| row.reads) {
+            for (rate_hz, speed, what) in READINGS {
+                let mut plain = Plain::tone(rate_hz, speed, 1000);
+                let [_, rest_db] = purity(&mut *(row.start)(&plain).unwrap(), 1000.0 * speed).unwrap();
+                assert!(rest_db < -50.0, "{}, {what}: {rest_db} dB", row.name);
+                plain.voices[0].pan = 0.6;
+                let mut rendering = (row.start)(&plain).unwrap();
+                rendering.prepare().unwrap();
+                let (mut block, mut energy) = ([[0.0f32; 2]; BLOCK], [0.0; 2]);
+                for _ in 0..200 {
+                    rendering.render(&mut block).unwrap();
+                    for (energy, n) in energy.iter_mut().zip(0..) {
+                        *energy += block.iter().map(|frame| f64::from(frame[n]).powi(2)).sum::<f64>();
+                    }
+                }
+                let louder = energy[1] / energy[0];
+                assert!((3.96..4.04).contains(&louder), "{}, {what}: {louder}", row.name);
+            }
+        }
+    }
 }

@@ -202,6 +202,45 @@ fn what_moves_is_found_before_time_goes_on() {
 }
 
 #[test]
+fn what_appears_sounds_where_it_is_until_it_vanishes() {
+    let studio = Studio::new();
+    let mut feed = String::new();
+    for step in 0..=90 {
+        let time = f64::from(step) / 60.0;
+        match step {
+            30 => writeln!(feed, "{{\"t\":{time},\"vanish\":\"car\"}}").unwrap(),
+            60 => {
+                let place = "\"position\":[-1,0,0]";
+                writeln!(feed, "{{\"t\":{time},\"appear\":\"car 2\",\"as\":\"car\",{place}}}").unwrap();
+            }
+            _ => {}
+        }
+        writeln!(feed, "{{\"advance\":{time}}}").unwrap();
+    }
+    let play = |feed: &str| {
+        let said = studio.said(&format!("play car.toml --feed - --rest 0.1 {FILE} told.wav"), feed);
+        (said, studio.sound("told.wav"))
+    };
+    let (said, sound) = play(&feed);
+    assert_eq!(said, "");
+    let energy = |from_s: f64, to_s: f64, channel: usize| -> f32 {
+        let frames = (from_s * 48_000.0) as usize..(to_s * 48_000.0) as usize;
+        frames.map(|frame| sound[2 * frame + channel].powi(2)).sum()
+    };
+    let [right, left] =
+        [[0.05, 0.45], [1.1, 1.5]].map(|[from_s, to_s]| [0, 1].map(|channel| energy(from_s, to_s, channel)));
+    assert!(right[1] > 1.1 * right[0] && right[0] > 0.0, "the car is to the right: {right:?}");
+    assert!(left[0] > 1.1 * left[1] && left[1] > 0.0, "the other is to the left: {left:?}");
+    // Its fade and its way are over in a twentieth of a second.
+    assert!(energy(0.56, 0.99, 0) + energy(0.56, 0.99, 1) < 1e-6 * right[1], "in between is nothing");
+    let strange = "{\"t\":0,\"appear\":\"b\",\"as\":\"boat\",\"position\":[0,0,0]}\n{\"t\":0,\"vanish\":\"b\"}\n\
+        {\"t\":0,\"material\":\"ice\",\"of\":\"car\"}\n{\"t\":0,\"mesh\":\"b\",\"positions\":[]}\n";
+    let (said, unchanged) = play(&format!("{strange}{feed}"));
+    assert!(said.contains("4 of what is not there"), "{said}");
+    assert!(unchanged == sound, "what is left out changes nothing");
+}
+
+#[test]
 fn what_cannot_be_is_said() {
     let studio = Studio::new();
     let fails = |line: &str, expected: &str| {

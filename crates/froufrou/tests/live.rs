@@ -11,6 +11,7 @@ use froufrou::render::live::{self, Player, Settings, Supply};
 use froufrou::render::production::{ChannelLines, Production};
 use froufrou::synth::mixer::Mixer;
 use froufrou::synth::receivers;
+use froufrou::synth::sinc::Kernel;
 use studio::{Studio, Take, noise};
 
 const RATE_HZ: u32 = 48_000;
@@ -81,13 +82,26 @@ fn scenes() -> Vec<(&'static str, String, &'static str)> {
 
 type Live<'a> = (Supply<ChannelLines<'a>>, Player);
 
-fn open(production: &Production, ahead_s: f64, slice_frames: usize) -> Live<'_> {
+fn mixer(production: &Production) -> Mixer<ChannelLines<'_>> {
     let header = production.channel_header();
     let receivers = receivers::load(&header, &production.scene.folder, RATE_HZ).unwrap();
     let lines = production.channel_lines().unwrap();
     let mixer = Mixer::new(RATE_HZ, receivers, production.prototypes.clone(), lines).unwrap();
-    let settings = Settings { ahead_s, slice_frames, duration_s: header.duration_s, ..Settings::default() };
-    live::part(mixer.with_seed(header.seed), settings).unwrap()
+    mixer.with_seed(header.seed)
+}
+
+fn open(production: &Production, ahead_s: f64, slice_frames: usize) -> Live<'_> {
+    parted(production, mixer(production), ahead_s, slice_frames)
+}
+
+fn parted<'a>(
+    production: &Production,
+    mixer: Mixer<ChannelLines<'a>>,
+    ahead_s: f64,
+    slice_frames: usize,
+) -> Live<'a> {
+    let duration_s = production.channel_header().duration_s;
+    live::part(mixer, Settings { ahead_s, slice_frames, duration_s, ..Settings::default() }).unwrap()
 }
 
 /// All that is played, by blocks of these sizes in turn.
@@ -145,6 +159,34 @@ fn what_is_played_is_what_is_rendered() {
 }
 
 /// A tone of 1 kHz that stands still, heard directly and on a head that all share.
+#[test]
+fn by_the_short_kernel_it_is_nearly_as_in_a_file_and_alike_in_all_blocks() {
+    let studio = Studio::new();
+    for instrument in [false, true] {
+        let text = tone(&studio, "'stereo'", instrument);
+        let file = studio.scene(&text, Take::at(RATE_HZ)).unwrap();
+        let production = studio.production(&text).unwrap();
+        let short = || mixer(&production).with_kernel(Kernel::Short);
+        let frames = file.mix.len() / file.channels;
+        let mut whole = short();
+        whole.read_to(frames as u64).unwrap();
+        let expected = whole.voices().render(0, frames, false).mix;
+        for (sizes, slice_frames) in [(&[64][..], 128), (&[32, 100, 1, 777, 4096], 100)] {
+            let found = played(parted(&production, short(), 0.18, slice_frames), sizes);
+            for (n, sample) in found[..file.mix.len()].iter().enumerate() {
+                let (channel, frame) = (n % file.channels, n / file.channels);
+                assert_eq!(*sample, expected[channel * frames + frame] as f32, "frame {frame}, {sizes:?}");
+            }
+            // Its images lie 70 dB below.
+            let steady = file.channels * 24_000..file.channels * 120_000;
+            let pairs = || found[steady.clone()].iter().zip(&file.mix[steady.clone()]);
+            assert!(pairs().any(|(a, b)| a != b), "it reads otherwise");
+            let farthest = pairs().map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(farthest < 3e-4, "{farthest}");
+        }
+    }
+}
+
 fn tone(studio: &Studio, layout: &str, instrument: bool) -> String {
     studio.tone("tone.wav");
     studio.file("tone.rhai", "play(sine(1000.0) * 0.5);\n");

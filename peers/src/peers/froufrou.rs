@@ -202,9 +202,17 @@ impl Rendering for Playing {
     }
 }
 
-/// A live player, and the worker that supplies it on the same thread: whose work is measured with the player's where it
-/// `goes_on` before every block, and else done beforehand.
-pub fn plain(plain: &Plain, kernel: Kernel, goes_on: bool) -> Result<Box<dyn Rendering>> {
+/// When the worker of a live player does its work.
+#[derive(Clone, Copy)]
+pub enum Worker {
+    /// Before every block, on the same thread, in slices of so many frames.
+    Beside(usize),
+    /// Before the clock runs, so that the audio thread is measured alone.
+    Before,
+}
+
+/// A live player, and the worker that supplies it.
+pub fn plain(plain: &Plain, kernel: Kernel, worker: Worker) -> Result<Box<dyn Rendering>> {
     let thread = |(thread, voice): (usize, &PlainVoice)| {
         let value = voice.gains().map(|gain| Arrival::new(gain, 0.0)).to_vec();
         let offset_s = voice.offset as f64 / f64::from(plain.rate_hz);
@@ -222,11 +230,13 @@ pub fn plain(plain: &Plain, kernel: Kernel, goes_on: bool) -> Result<Box<dyn Ren
     let lines = starts.into_iter().chain(ends);
     let sounds = [("sound".to_owned(), sound.into())];
     let mixer = Mixer::new(RATE_HZ, Receiver::plain(2), sounds, lines).map_err(|error| error.to_string())?;
-    let ahead_s = if goes_on { Settings::default().ahead_s } else { AHEAD_S };
-    let settings = Settings { ahead_s, ..Settings::default() };
+    let settings = match worker {
+        Worker::Beside(slice_frames) => Settings { slice_frames, ..Settings::default() },
+        Worker::Before => Settings { ahead_s: AHEAD_S, ..Settings::default() },
+    };
     let (supply, player) =
         live::part(mixer.with_kernel(kernel), settings).map_err(|error| error.to_string())?;
-    Ok(Box::new(LivePlaying { supply, player, goes_on, samples: Vec::new() }))
+    Ok(Box::new(LivePlaying { supply, player, worker, samples: Vec::new() }))
 }
 
 /// Plain voices sound for so long, in seconds.
@@ -238,7 +248,7 @@ const AHEAD_S: f64 = 1.5;
 struct LivePlaying<L> {
     supply: Supply<L>,
     player: Player,
-    goes_on: bool,
+    worker: Worker,
     samples: Vec<f32>,
 }
 
@@ -252,7 +262,7 @@ impl<L: Iterator<Item = froufrou::Result<ChannelLine>>> Rendering for LivePlayin
     }
 
     fn render(&mut self, block: &mut [[f32; 2]]) -> Result<()> {
-        if self.goes_on {
+        if let Worker::Beside(_) = self.worker {
             self.supply.go_on().map_err(|error| error.to_string())?;
         }
         self.samples.resize(2 * block.len(), 0.0);

@@ -123,21 +123,28 @@ impl Feed {
     /// How an engine is to run that is told this.
     fn settings(&self, play: &Play, scene: &Scene, rate_hz: u32) -> EngineSettings {
         let told = self.opening.iter().filter_map(|(_, line)| line.as_ref().ok());
+        // What the scene does not have is a fault of that line.
+        let is_there = |name: &&String| scene.objects.iter().any(|object| object.name == **name);
         let named = told.clone().filter_map(|line| match line {
-            // What the scene does not have is a fault of that line.
-            Line::Object { name, .. } if scene.objects.iter().any(|object| object.name == *name) => {
-                Some(name)
-            }
+            Line::Object { name, .. } => Some(name).filter(is_there),
             _ => None,
         });
-        let mut movers: Vec<String> = named.chain(&play.feed.moves).cloned().collect();
-        movers.sort();
-        movers.dedup();
+        let meshes = told.clone().filter_map(|line| match line {
+            Line::Mesh { name, .. } => Some(name).filter(is_there),
+            _ => None,
+        });
+        let [movers, meshes] =
+            [named.chain(&play.feed.moves).collect(), meshes.collect()].map(|mut names: Vec<&String>| {
+                names.sort();
+                names.dedup();
+                names.into_iter().cloned().collect::<Vec<_>>()
+            });
         EngineSettings {
             rate_hz,
             contact_step_s: play.feed.step,
             ahead_s: play.feed.ahead,
             movers,
+            meshes,
             moves_listener: play.feed.moves_listener
                 || told.clone().any(|line| matches!(line, Line::Listener { .. })),
             ..EngineSettings::default()

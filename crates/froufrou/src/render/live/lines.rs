@@ -4,6 +4,10 @@
 //! {"t":1.25,"contact":["ball","floor"],"position":[0,0,0],"impulse":0.2}
 //! {"t":1.25,"object":"crate","position":[0.5,0.2,0],"rotation":[0,0,0,1]}
 //! {"t":1.25,"listener":true,"position":[0,1.6,4],"rotation":[0,0,0,1]}
+//! {"t":1.25,"mesh":"sheet","positions":[[0,1,0],[0.1,1,0],[0,1,0.1]],"faces":[[0,1,2]]}
+//! {"t":1.25,"appear":"crate 7","as":"crate","position":[0,2,0]}
+//! {"t":1.25,"material":"ice","of":"crate 7"}
+//! {"t":1.25,"vanish":"crate 7"}
 //! {"advance":1.25}
 //! ```
 //!
@@ -29,17 +33,18 @@
 
 use std::io::BufRead;
 use std::path::Path;
+use std::sync::Arc;
 
 use serde::Deserialize;
 
-use super::handle::{Handle, Refused};
+use super::handle::{Handle, MoverId, Refused};
 use crate::json_lines::JsonLines;
 use crate::scene::contact_log::{ContactRow, Push};
-use crate::scene::fed::FedPose;
+use crate::scene::fed::{Faces, FedPose};
 use crate::{Error, Place, Result};
 
-/// The longest line that is read, in bytes.
-pub const LONGEST_LINE_BYTES: usize = 1 << 20;
+/// The longest line that is read, in bytes: a mesh of some 200 000 vertices and its faces.
+pub const LONGEST_LINE_BYTES: usize = 1 << 24;
 
 /// One line: something that happens, or how far time has come.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -68,6 +73,44 @@ pub enum Line {
         /// Where.
         pose: FedPose,
     },
+    /// The vertices of an object are somewhere.
+    Mesh {
+        /// Its name in the scene, or the one that it appeared by.
+        name: String,
+        /// When, in seconds.
+        time_s: f64,
+        /// Where, in metres.
+        positions_m: Vec<[f32; 3]>,
+        /// Its faces, where they are told.
+        faces: Option<Arc<Faces>>,
+    },
+    /// Something appears.
+    Appear {
+        /// Its name.
+        name: String,
+        /// The object of the scene that it is as.
+        kind: String,
+        /// When, in seconds.
+        time_s: f64,
+        /// Where.
+        pose: FedPose,
+    },
+    /// Something is no more.
+    Vanish {
+        /// Its name.
+        name: String,
+        /// When, in seconds.
+        time_s: f64,
+    },
+    /// Something becomes of another material.
+    Material {
+        /// Its name.
+        name: String,
+        /// The name of the material in the scene.
+        material: String,
+        /// When, in seconds.
+        time_s: f64,
+    },
     /// All that happens before a time has been told, in seconds.
     Advance(f64),
 }
@@ -79,6 +122,10 @@ struct Keys {
     contact: Option<[String; 2]>,
     object: Option<String>,
     listener: Option<bool>,
+    mesh: Option<String>,
+    appear: Option<String>,
+    vanish: Option<String>,
+    material: Option<String>,
     advance: Option<f64>,
     t: Option<f64>,
     position: Option<[f64; 3]>,
@@ -88,13 +135,21 @@ struct Keys {
     normal: Option<[f64; 3]>,
     normal_velocity: Option<f64>,
     sliding: Option<f64>,
+    positions: Option<Vec<[f32; 3]>>,
+    faces: Option<Vec<Vec<u32>>>,
+    r#as: Option<String>,
+    of: Option<String>,
 }
 
 /// What a line tells, by the key that says so, and the other keys that it may have.
-const KINDS: [(&str, &[&str]); 4] = [
+const KINDS: [(&str, &[&str]); 8] = [
     ("contact", &["t", "position", "impulse", "force", "normal", "normal_velocity", "sliding"]),
     ("object", &["t", "position", "rotation"]),
     ("listener", &["t", "position", "rotation"]),
+    ("mesh", &["t", "positions", "faces"]),
+    ("appear", &["t", "as", "position", "rotation"]),
+    ("vanish", &["t"]),
+    ("material", &["t", "of"]),
     ("advance", &[]),
 ];
 
@@ -105,6 +160,10 @@ impl Keys {
             ("contact", self.contact.is_some()),
             ("object", self.object.is_some()),
             ("listener", self.listener.is_some()),
+            ("mesh", self.mesh.is_some()),
+            ("appear", self.appear.is_some()),
+            ("vanish", self.vanish.is_some()),
+            ("material", self.material.is_some()),
             ("advance", self.advance.is_some()),
             ("t", self.t.is_some()),
             ("position", self.position.is_some()),
@@ -114,6 +173,10 @@ impl Keys {
             ("normal", self.normal.is_some()),
             ("normal_velocity", self.normal_velocity.is_some()),
             ("sliding", self.sliding.is_some()),
+            ("positions", self.positions.is_some()),
+            ("faces", self.faces.is_some()),
+            ("as", self.r#as.is_some()),
+            ("of", self.of.is_some()),
         ];
         there.into_iter().filter_map(|(key, is_there)| is_there.then_some(key))
     }
@@ -147,6 +210,21 @@ impl TryFrom<Keys> for Line {
             return Ok(Self::Advance(time_s));
         }
         let time_s = keys.t.ok_or_else(|| missing("t"))?;
+        if let Some(name) = keys.mesh.take() {
+            let positions_m = keys.positions.take().ok_or_else(|| missing("positions"))?;
+            let faces = keys.faces.take().map(|faces| {
+                let sizes = faces.iter().map(|face| face.len() as u32).collect();
+                Arc::new(Faces { vertices: faces.into_iter().flatten().collect(), sizes })
+            });
+            return Ok(Self::Mesh { name, time_s, positions_m, faces });
+        }
+        if let Some(name) = keys.vanish.take() {
+            return Ok(Self::Vanish { name, time_s });
+        }
+        if let Some(material) = keys.material.take() {
+            let name = keys.of.take().ok_or_else(|| missing("of"))?;
+            return Ok(Self::Material { name, material, time_s });
+        }
         let position_m = keys.position.ok_or_else(|| missing("position"))?;
         if let Some(bodies) = keys.contact.take() {
             let push = match (keys.impulse, keys.force) {
@@ -168,6 +246,10 @@ impl TryFrom<Keys> for Line {
             return Ok(Self::Contact { bodies, row });
         }
         let pose = keys.pose(position_m);
+        if let Some(name) = keys.appear.take() {
+            let kind = keys.r#as.take().ok_or_else(|| missing("as"))?;
+            return Ok(Self::Appear { name, kind, time_s, pose });
+        }
         match keys.object.take() {
             Some(name) => Ok(Self::Object { name, time_s, pose }),
             None if keys.listener == Some(true) => Ok(Self::Listener { time_s, pose }),
@@ -187,14 +269,22 @@ impl Line {
                 let bodies = handle.body(a).and_then(|a| Ok([a, handle.body(b)?]));
                 bodies.and_then(|bodies| handle.contact(bodies, row))
             }
-            Self::Object { name, time_s, pose } => match handle.object(name) {
-                Some(object) => handle.transform(object, *time_s, *pose),
-                None => {
-                    let _ = handle.leave::<()>(Refused::Unknown);
-                    let what = format!("no object `{name}` was said to be moved when it began");
-                    return Err(Error::new(what));
+            Self::Object { name, time_s, pose } => {
+                let object = mover(handle, name)?;
+                handle.transform(object, *time_s, *pose)
+            }
+            Self::Mesh { name, time_s, positions_m, faces } => {
+                let object = mover(handle, name)?;
+                match faces {
+                    Some(faces) => handle.mesh_with_faces(object, *time_s, positions_m, faces.clone()),
+                    None => handle.mesh(object, *time_s, positions_m),
                 }
-            },
+            }
+            Self::Appear { name, kind, time_s, pose } => {
+                handle.appear(kind, name, *time_s, *pose).map(|_| ())
+            }
+            Self::Vanish { name, time_s } => handle.vanish(name, *time_s),
+            Self::Material { name, material, time_s } => handle.material(name, material, *time_s),
             Self::Listener { time_s, pose } => match handle.listener(*time_s, *pose) {
                 Err(Refused::Unknown) => {
                     return Err(Error::new("the listener was not said to be moved when it began"));
@@ -210,9 +300,23 @@ impl Line {
     pub fn time_s(&self) -> f64 {
         match self {
             Self::Contact { row, .. } => row.time_s,
-            Self::Object { time_s, .. } | Self::Listener { time_s, .. } | Self::Advance(time_s) => *time_s,
+            Self::Object { time_s, .. }
+            | Self::Listener { time_s, .. }
+            | Self::Mesh { time_s, .. }
+            | Self::Appear { time_s, .. }
+            | Self::Vanish { time_s, .. }
+            | Self::Material { time_s, .. }
+            | Self::Advance(time_s) => *time_s,
         }
     }
+}
+
+/// The object of a name that is moved.
+fn mover(handle: &mut Handle, name: &str) -> Result<MoverId> {
+    handle.object(name).ok_or_else(|| {
+        let _ = handle.leave::<()>(Refused::Unknown);
+        Error::new(format!("no object `{name}` was said to be moved when it began, and none appeared"))
+    })
 }
 
 /// Reads lines as they come: an iterator that goes on behind a line that is wrong. It ends where the stream does, or where it
@@ -257,7 +361,12 @@ mod tests {
 
 {"t":2,"object":"crate","position":[1,2,3],"rotation":[0,1,0,0]}
 {"t":2,"listener":true,"position":[1,2,3]}
-{"advance":1.2667}"#;
+{"advance":1.2667}
+{"t":2,"mesh":"sheet","positions":[[0,1,0],[0.5,1,0],[0,1,0.5],[1,1,1]],"faces":[[0,1,2],[0,1,3,2]]}
+{"t":2,"mesh":"sheet","positions":[]}
+{"t":2,"appear":"crate 7","as":"crate","position":[1,2,3],"rotation":[0,1,0,0]}
+{"t":3,"material":"ice","of":"crate 7"}
+{"t":4,"vanish":"crate 7"}"#;
         let lines: Vec<Line> = read(text).into_iter().collect::<Result<_, _>>().unwrap();
         let Line::Contact { bodies, row } = &lines[0] else { panic!("{lines:?}") };
         assert_eq!((bodies[0].as_str(), bodies[1].as_str()), ("ball", "floor"));
@@ -268,7 +377,16 @@ mod tests {
         let pose = FedPose { position_m: [1.0, 2.0, 3.0], rotation: [0.0, 1.0, 0.0, 0.0] };
         assert_eq!(lines[2], Line::Object { name: "crate".into(), time_s: 2.0, pose });
         assert_eq!(lines[3], Line::Listener { time_s: 2.0, pose: FedPose::at([1.0, 2.0, 3.0]) });
-        assert_eq!(lines[4..], [Line::Advance(1.2667)]);
+        assert_eq!(lines[4], Line::Advance(1.2667));
+        let positions_m = vec![[0.0, 1.0, 0.0], [0.5, 1.0, 0.0], [0.0, 1.0, 0.5], [1.0; 3]];
+        let faces = Arc::new(Faces { vertices: vec![0, 1, 2, 0, 1, 3, 2], sizes: vec![3, 4] });
+        let sheet = |positions_m, faces| Line::Mesh { name: "sheet".into(), time_s: 2.0, positions_m, faces };
+        assert_eq!(lines[5], sheet(positions_m, Some(faces)));
+        assert_eq!(lines[6], sheet(Vec::new(), None));
+        let (name, kind) = ("crate 7".to_owned(), "crate".to_owned());
+        assert_eq!(lines[7], Line::Appear { name: name.clone(), kind, time_s: 2.0, pose });
+        let ice = Line::Material { name: name.clone(), material: "ice".into(), time_s: 3.0 };
+        assert_eq!(lines[8..], [ice, Line::Vanish { name, time_s: 4.0 }]);
     }
 
     #[test]
@@ -278,20 +396,26 @@ mod tests {
             (r#"{"advance":1,"at":2}"#, "unknown field `at`, expected one of `contact`, `object`"),
             (r#"{"advance":1,"t":2}"#, "`t` is no key of a line with `advance`, which has no other key"),
             (r#"{"t":1,"object":"a","position":[0,0,0],"force":1}"#, "which has `t`, `position`, `rotation`"),
-            (r#"{"t":1,"position":[0,0,0]}"#, "expected one of `contact`, `object`, `listener`, `advance`"),
+            (r#"{"t":1,"position":[0,0,0]}"#, "expected one of `contact`, `object`, `listener`, `mesh`"),
             (r#"{"t":1,"listener":true,"object":"a","position":[0,0,0]}"#, "expected one of `contact`"),
             (r#"{"t":1,"listener":false,"position":[0,0,0]}"#, "`listener` is `true`"),
             (r#"{"t":1,"object":"a"}"#, "a line with `object` needs `position`"),
             (r#"{"contact":["a","b"],"position":[0,0,0],"force":1}"#, "a line with `contact` needs `t`"),
             (r#"{"t":1,"contact":["a","b"],"position":[0,0,0]}"#, "either an `impulse` or a `force`"),
             (r#"{"t":1,"contact":["a"],"position":[0,0,0],"force":1}"#, "invalid length 1"),
+            (r#"{"t":1,"mesh":"a"}"#, "a line with `mesh` needs `positions`"),
+            (r#"{"t":1,"mesh":"a","positions":[[0,0]]}"#, "invalid length 2"),
+            (r#"{"t":1,"mesh":"a","positions":[],"faces":[[-1]]}"#, "invalid value: integer `-1`"),
+            (r#"{"t":1,"appear":"a","position":[0,0,0]}"#, "a line with `appear` needs `as`"),
+            (r#"{"t":1,"vanish":"a","of":"b"}"#, "`of` is no key of a line with `vanish`, which has `t`"),
+            (r#"{"t":1,"material":"ice"}"#, "a line with `material` needs `of`"),
             (r#"{"t":NaN,"advance":1}"#, "expected value"),
             (r#"{"t":"1","advance":1}"#, "invalid type: string"),
             (r#"{"advance":1,"advance":2}"#, "duplicate field `advance`"),
             ("advance 1", "expected value"),
             ("[1, 2]", "a line of what happens"),
             ("\u{0}", "expected value"),
-            (&long, "longer than 1048576 bytes"),
+            (&long, "longer than 16777216 bytes"),
         ];
         let text: String = cases.iter().map(|(line, _)| format!("{line}\n{{\"advance\":7}}\n")).collect();
         let lines = read(&text);
