@@ -209,6 +209,7 @@ fn shells_and_readers_are_helped_with_every_command() {
         "events",
         "score",
         "mix",
+        "play",
         "grains",
         "corpus",
         "features",

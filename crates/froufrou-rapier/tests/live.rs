@@ -183,14 +183,6 @@ fn what_is_heard_at_once_is_what_was_found_before() {
     assert!(seconds > 2.5, "{seconds} s");
     let rendered = rendered(Scene::open(studio.file("replayed.toml", &text), false).unwrap());
     assert!(rendered.iter().any(|sample| sample.abs() > 0.01));
-    // Every impact that is found is heard: it is louder behind it than before.
-    let power = |from_s: f64| {
-        let first = (from_s * f64::from(RATE_HZ)) as usize * 2;
-        rendered[first..first + 480].iter().map(|s| s.powi(2)).sum::<f32>()
-    };
-    let way_s = 2.5 / 343.0;
-    let first = events.iter().find_map(|event| Some(event.impact()?.time_s)).unwrap();
-    assert!(power(first + way_s + 0.003) > 10.0 * power(first - 0.01), "the first impact is at {first} s");
     let differs = live.iter().zip(&rendered).position(|(a, b)| a.to_bits() != b.to_bits() && a != b);
     assert_eq!(differs, None, "to the last bit");
 }

@@ -56,6 +56,12 @@ pub enum Refused {
     Ahead,
 }
 
+impl From<Refused> for Error {
+    fn from(why: Refused) -> Self {
+        Error::new(why.to_string()).because(why)
+    }
+}
+
 /// How much was left out, and why.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Left {

@@ -293,7 +293,7 @@ impl Line {
             },
             Self::Advance(time_s) => handle.advance(*time_s),
         };
-        told.map_err(|why| Error::new(why.to_string()).because(why))
+        told.map_err(Error::from)
     }
 
     /// The time that it tells of, in seconds.
