@@ -127,7 +127,7 @@ pub fn start(scene: Scene, settings: EngineSettings) -> Result<(Handle, Player)>
 ///     EngineSettings::default(),
 ///     |handle| {
 ///         for frame in 1..=600 {
-///             handle.advance(f64::from(frame) / 60.0)?;
+///             handle.advance(f64::from(frame) / 60.0).map_err(live::Refused::fault)?;
 ///         }
 ///         Ok(())
 ///     },

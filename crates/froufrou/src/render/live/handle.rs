@@ -56,9 +56,10 @@ pub enum Refused {
     Ahead,
 }
 
-impl From<Refused> for Error {
-    fn from(why: Refused) -> Self {
-        Error::new(why.to_string()).because(why)
+impl Refused {
+    /// The same as an error.
+    pub fn fault(self) -> Error {
+        Error::new(self.to_string()).because(self)
     }
 }
 

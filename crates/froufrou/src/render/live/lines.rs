@@ -293,7 +293,7 @@ impl Line {
             },
             Self::Advance(time_s) => handle.advance(*time_s),
         };
-        told.map_err(Error::from)
+        told.map_err(Refused::fault)
     }
 
     /// The time that it tells of, in seconds.
