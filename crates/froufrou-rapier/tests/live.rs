@@ -4,8 +4,7 @@
 mod studio;
 
 use froufrou::motion::Event;
-use froufrou::render::live::{self, Capture, EngineSettings, Handle, Left};
-use froufrou::render::offline::{self, Extent};
+use froufrou::render::live::{Capture, EngineSettings, Left};
 use froufrou::scene::Scene;
 use froufrou::scene::fed::FedPose;
 use froufrou_rapier::{Listener, Live, Teller};
@@ -102,8 +101,7 @@ fn scene(studio: &Studio) -> String {
 /// The same simulation, rendered as a file is.
 fn rendered(scene: Scene) -> Vec<f32> {
     let settings = EngineSettings { contact_step_s: STEP_S, ..EngineSettings::default() };
-    let mut mix = Vec::new();
-    let tell = |handle: &mut Handle| {
+    studio::replayed(scene, settings, |handle| {
         let (mut stage, mut teller) = (Stage::new(), Teller::new(STEP_S));
         stage.bodies.iter().for_each(|(body, name)| teller.name_body(handle, *body, *name));
         teller.name_collider(stage.floor, "floor");
@@ -117,17 +115,7 @@ fn rendered(scene: Scene) -> Vec<f32> {
             handle.advance(time_s).unwrap();
         }
         (1..=20).for_each(|n| handle.advance(f64::from(STEPS) * STEP_S + 0.1 * f64::from(n)).unwrap());
-        Ok(())
-    };
-    live::replay(scene, settings, tell, |mixer, header| {
-        let extent = Extent { rate_hz: RATE_HZ, from_s: 0.0, to_s: None, duration_s: None };
-        offline::render(mixer, header.channels().len(), &extent, false, |piece| {
-            mix.extend_from_slice(piece.mix);
-            Ok(())
-        })
     })
-    .unwrap();
-    mix
 }
 
 /// Runs the simulation and hears it; `told` tells the engine more.

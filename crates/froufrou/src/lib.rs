@@ -20,6 +20,7 @@ pub mod scene;
 pub mod score;
 pub mod space;
 pub mod synth;
+mod time;
 mod whole_file;
 
 pub use error::{Error, Place, Result};

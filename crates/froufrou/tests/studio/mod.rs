@@ -6,6 +6,7 @@ use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 use froufrou::Result;
+use froufrou::render::live::{self, EngineSettings, Handle};
 use froufrou::render::offline::{self, Extent};
 use froufrou::render::production::{ChannelLines, Production, open_score};
 use froufrou::scene::Scene;
@@ -260,6 +261,24 @@ pub fn render(
         })
     })?;
     Ok(sound)
+}
+
+/// What a live engine is told, rendered as a file is.
+pub fn replayed(scene: Scene, settings: EngineSettings, tell: impl FnOnce(&mut Handle) + Send) -> Vec<f32> {
+    let (rate_hz, mut mix) = (settings.rate_hz, Vec::new());
+    let tell = |handle: &mut Handle| {
+        tell(handle);
+        Ok(())
+    };
+    live::replay(scene, settings, tell, |mixer, header| {
+        let extent = Extent { rate_hz, from_s: 0.0, to_s: None, duration_s: None };
+        offline::render(mixer, header.channels().len(), &extent, false, |piece| {
+            mix.extend_from_slice(piece.mix);
+            Ok(())
+        })
+    })
+    .unwrap();
+    mix
 }
 
 /// A number in (−1, 1) for every index: white noise that is the same in every run.

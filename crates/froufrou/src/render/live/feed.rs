@@ -1,7 +1,6 @@
 //! What a handle tells, as events of a scene in order of time.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::BTreeMap;
 use std::sync::atomic::Ordering::{Acquire, Release};
 use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -16,35 +15,11 @@ use crate::motion::impact::{Settings, Step};
 use crate::motion::lives::{Found, Lives, Touch};
 use crate::motion::moving_cloth;
 use crate::scene::fed::Fed;
+use crate::time::Time;
 use crate::{Error, Result};
 
 /// So long the worker sleeps at most where nothing is told.
 const NAP: Duration = Duration::from_micros(500);
-
-/// An event that is known before it is passed on.
-struct Pending {
-    time_s: f64,
-    /// Of events at one time the one that was known first comes first.
-    number: u64,
-    event: Event,
-}
-
-impl PartialEq for Pending {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other).is_eq()
-    }
-}
-impl Eq for Pending {}
-impl PartialOrd for Pending {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl Ord for Pending {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.time_s.total_cmp(&other.time_s).then(self.number.cmp(&other.number))
-    }
-}
 
 /// The events of what is told. An iterator that waits until there is one, or until it is known that there is none before
 /// a time; it ends when it is stopped and all that was told is taken.
@@ -58,7 +33,8 @@ pub(super) struct Feed {
     movers: Vec<Option<Arc<Fed>>>,
     meshes: Meshes,
     delays: Delays,
-    pending: BinaryHeap<Reverse<Pending>>,
+    /// Events that are known and not passed on yet, by their time and how many were known before.
+    pending: BTreeMap<(Time, u64), Event>,
     count: u64,
     /// What was told last to be known, and what of it has been passed on.
     known_s: f64,
@@ -139,7 +115,7 @@ impl Feed {
             lives,
             movers: movers.into_iter().map(Some).collect(),
             meshes,
-            pending: BinaryHeap::new(),
+            pending: BTreeMap::new(),
             count: 0,
             known_s: 0.0,
             passed_s: 0.0,
@@ -157,7 +133,7 @@ impl Feed {
     fn push(&mut self, event: Event, later_s: f64) {
         let time_s = (event.time_s() + later_s).max(self.passed_s);
         self.count += 1;
-        self.pending.push(Reverse(Pending { time_s, number: self.count, event: event.at(time_s) }));
+        self.pending.insert((Time(time_s), self.count), event.at(time_s));
     }
 
     fn take(&mut self, told: Told) -> Result<()> {
@@ -260,8 +236,8 @@ impl Iterator for Feed {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            if self.pending.peek().is_some_and(|Reverse(next)| next.time_s <= self.known_s) {
-                return self.pending.pop().map(|Reverse(next)| Ok(next.event));
+            if let Some(next) = self.pending.first_entry().filter(|next| next.key().0.0 <= self.known_s) {
+                return Some(Ok(next.remove()));
             }
             if self.known_s > self.passed_s {
                 self.passed_s = self.known_s;

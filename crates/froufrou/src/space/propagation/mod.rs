@@ -32,6 +32,7 @@ use crate::score::{
     Pickup, Placement, Radiation, Start, Statement, Verb, Whereabouts,
 };
 use crate::synth::path::{FADE_S, Foresight};
+use crate::time::Time;
 use crate::{Error, Result};
 use ear::Ear;
 use inbox::{Inbox, distance};
@@ -141,24 +142,6 @@ pub struct Propagation<L> {
 enum Due {
     Line,
     Cue,
-}
-
-/// A time that can be ordered.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Time(f64);
-
-impl Eq for Time {}
-
-impl PartialOrd for Time {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Time {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.0.total_cmp(&other.0)
-    }
 }
 
 impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
