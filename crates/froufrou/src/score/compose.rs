@@ -45,6 +45,7 @@ use crate::random::Random;
 use crate::scene::carrier::Carrier;
 use crate::scene::file::{Acoustics, Emitter, Material, Played, Scene, SceneSound, StartKey, Timing};
 use crate::scene::world::{RigidBodies, World};
+use crate::time::Time;
 use crate::{Error, Result};
 
 /// Where nothing moves, a line comes this often all the same, so that a score can be mixed as it is
@@ -200,7 +201,7 @@ pub struct Composer<'a, E> {
     next_thread: u64,
     /// When the last thread to end so far did.
     last_end_s: f64,
-    due: BinaryHeap<Reverse<Due>>,
+    due: BinaryHeap<DueAt>,
     ears: Vec<EarState>,
     picks: HashMap<Group, Picks>,
     /// Until when a pair of bodies is quiet in an object: the dead time of its material.
@@ -293,36 +294,35 @@ struct EarState {
     passed_s: f64,
 }
 
-/// When something has its next line: in order of time, microphones before threads, and what a thread
-/// is told after its line.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Due {
-    time_s: f64,
-    what: What,
-    id: u64,
+/// What has something to say: at one time microphones before threads, and what a thread is told after its line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Due {
+    Microphone(usize),
+    Thread(u64, Says),
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum What {
-    Microphone,
+enum Says {
     Line,
     Cue,
 }
 
-impl Eq for Due {}
+/// What is due first comes first out of a heap.
+type DueAt = Reverse<(Time, Due)>;
 
-impl PartialOrd for Due {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
+/// A microphone has a line at a time.
+fn hears_at(time_s: f64, microphone: usize) -> DueAt {
+    Reverse((Time(time_s), Due::Microphone(microphone)))
 }
 
-impl Ord for Due {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        let threads = |due: &Due| due.what != What::Microphone;
-        let whose = (threads(self), self.id, self.what).cmp(&(threads(other), other.id, other.what));
-        self.time_s.total_cmp(&other.time_s).then(whose)
-    }
+/// A thread has a line at a time.
+fn line_at(time_s: f64, thread: u64) -> DueAt {
+    Reverse((Time(time_s), Due::Thread(thread, Says::Line)))
+}
+
+/// A thread is told something at a time.
+fn cue_at(time_s: f64, thread: u64) -> DueAt {
+    Reverse((Time(time_s), Due::Thread(thread, Says::Cue)))
 }
 
 impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
@@ -475,12 +475,12 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         if self.state == State::New {
             self.state = State::Running;
             if self.pulses {
-                self.due.push(Reverse(Due { time_s: 0.0, what: What::Line, id: 0 }));
+                self.due.push(line_at(0.0, 0));
                 self.voices.insert(0, Voice::pulse(Start::new(PULSE)));
             }
             self.next_event = self.events.next().transpose()?;
             for index in (0..self.ears.len()).filter(|&i| self.ears[i].moves) {
-                self.due.push(Reverse(Due { time_s: 0.0, what: What::Microphone, id: index as u64 }));
+                self.due.push(hears_at(0.0, index));
             }
         }
         loop {
@@ -493,16 +493,16 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             let start_s = self.starts.front().map_or(f64::INFINITY, |start| start.time_s);
             let event_s = self.foreseen.front().map_or(f64::INFINITY, Event::time_s);
             let seen_s = self.next_event.as_ref().map_or(f64::INFINITY, Event::time_s) - self.foresight_s;
-            let due_s = self.due.peek().map_or(f64::INFINITY, |Reverse(due)| due.time_s);
+            let due_s = self.due.peek().map_or(f64::INFINITY, |Reverse((time, _))| time.0);
             let next_s = start_s.min(event_s).min(seen_s);
             if due_s < next_s {
                 // Microphones go on for as long as anything sounds, is under way or still to come.
                 let silent = self.voices.is_empty() && next_s == f64::INFINITY;
                 let idle = silent && due_s > self.last_end_s + LISTEN_ON_S;
                 match self.due.pop() {
-                    Some(Reverse(due)) if due.what == What::Line => self.sound(due.id, due.time_s)?,
-                    Some(Reverse(due)) if due.what == What::Cue => self.cue(due.id, due.time_s),
-                    Some(Reverse(due)) if !idle => self.hear(due.id as usize, due.time_s)?,
+                    Some(Reverse((time, Due::Thread(id, Says::Line)))) => self.sound(id, time.0)?,
+                    Some(Reverse((time, Due::Thread(id, Says::Cue)))) => self.cue(id, time.0),
+                    Some(Reverse((time, Due::Microphone(index)))) if !idle => self.hear(index, time.0)?,
                     _ => {}
                 }
             } else if next_s == f64::INFINITY {
@@ -578,7 +578,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         }
         self.ready.push_back(key(ear.pose(time_s)?, cut));
         let next_s = ear.carrier().next_key_s(time_s).unwrap_or(f64::INFINITY).min(time_s + self.beat_s);
-        self.due.push(Reverse(Due { time_s: next_s, what: What::Microphone, id: index as u64 }));
+        self.due.push(hears_at(next_s, index));
         Ok(())
     }
 
@@ -627,7 +627,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         }
         // A voice may yet be told to last longer; one that is over by then is told nothing.
         if let Some(next_s) = voice.cues.front().map(|next| next.time_s) {
-            self.due.push(Reverse(Due { time_s: next_s, what: What::Cue, id }));
+            self.due.push(cue_at(next_s, id));
         }
     }
 
@@ -649,7 +649,7 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
             next_s = if settled { next_s - BEND_S } else { time_s + BEND_S };
         }
         voice.due_s = next_s;
-        self.due.push(Reverse(Due { time_s: next_s, what: What::Line, id }));
+        self.due.push(line_at(next_s, id));
         Ok(())
     }
 
@@ -657,9 +657,9 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
     fn begin(&mut self, time_s: f64, voice: Voice) -> u64 {
         let id = self.next_thread;
         self.next_thread += 1;
-        self.due.push(Reverse(Due { time_s, what: What::Line, id }));
+        self.due.push(line_at(time_s, id));
         if let Some(cue_s) = voice.cues.front().map(|first| first.time_s) {
-            self.due.push(Reverse(Due { time_s: cue_s.max(time_s), what: What::Cue, id }));
+            self.due.push(cue_at(cue_s.max(time_s), id));
         }
         self.voices.insert(id, voice);
         id

@@ -4,13 +4,12 @@
 //! each buckle plays a pop in a thread of its patch, whose energy is as rare among the pops as that of the buckle is among
 //! those of the cloth; and where the cloth is a membrane, a thread of each patch is told how taut and how fast it is.
 
-use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::going::{Does, Going};
 use super::voice::{Place, Telling};
-use super::{Composer, Due, What, from_db, palette, tidy};
+use super::{Composer, cue_at, from_db, line_at, palette, tidy};
 use crate::corpus::cloth::ClothSound;
 use crate::corpus::cloth::playback::{Learning, Playback};
 use crate::motion::event::{Buckle, Event, Flap, Friction};
@@ -196,10 +195,10 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             voice.tell(Telling { time_s: begin_s, action: Action::Grain(grain), cause });
             if voice.start.is_none() && voice.passed_s < now_s {
                 voice.due_s = now_s;
-                self.due.push(Reverse(Due { time_s: now_s, what: What::Line, id }));
+                self.due.push(line_at(now_s, id));
             }
         }
-        self.due.push(Reverse(Due { time_s: begin_s, what: What::Cue, id }));
+        self.due.push(cue_at(begin_s, id));
         Ok(())
     }
 

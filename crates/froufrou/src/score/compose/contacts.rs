@@ -1,10 +1,9 @@
 //! Contacts of bodies: what sounds at an impact, and while bodies slide or roll along each other.
 
-use std::cmp::Reverse;
 use std::collections::VecDeque;
 
 use super::voice::{Place, Telling, Voice};
-use super::{Composer, Due, Group, What, from_db, tidy};
+use super::{Composer, Group, cue_at, from_db, line_at, tidy};
 use crate::Result;
 use crate::motion::event::{Cause, Event, Impact, Rub};
 use crate::motion::rub::Rubbing;
@@ -154,7 +153,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             {
                 voice.end_s = voice.end_s.max(time_s + ring_s);
                 voice.cues.push_back(Telling { time_s, action: Action::Strike(blow), cause });
-                self.due.push(Reverse(Due { time_s, what: What::Cue, id }));
+                self.due.push(cue_at(time_s, id));
                 return Ok(());
             }
         }
@@ -300,11 +299,11 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         // Two logs may tell of one pair at one time.
         if voice.start.is_some() || voice.passed_s < time_s {
             voice.due_s = time_s;
-            self.due.push(Reverse(Due { time_s, what: What::Line, id }));
+            self.due.push(line_at(time_s, id));
         }
         if let Some(cue_s) = told.first().map(|first| first.time_s) {
             if voice.cues.front().is_none_or(|next| cue_s < next.time_s) {
-                self.due.push(Reverse(Due { time_s: cue_s.max(time_s), what: What::Cue, id }));
+                self.due.push(cue_at(cue_s.max(time_s), id));
             }
             voice.cues.extend(told);
         }

@@ -1,10 +1,9 @@
 //! What there is: objects that appear and vanish while others sound, and what they are of.
 
-use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::{Composer, Due, Planned, What};
+use super::{Composer, Planned, line_at};
 use crate::Result;
 use crate::motion::event::{Becomes, Change, Event};
 use crate::scene::carrier::Carrier;
@@ -115,7 +114,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
             voice.end_s = time_s;
             voice.cues.retain(|cue| cue.time_s < time_s);
             voice.due_s = time_s.max(voice.passed_s);
-            self.due.push(Reverse(Due { time_s: voice.due_s, what: What::Line, id: *id }));
+            self.due.push(line_at(voice.due_s, *id));
         }
     }
 
