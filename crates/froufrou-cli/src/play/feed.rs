@@ -207,7 +207,7 @@ fn tell(mut feed: Feed, handle: &mut Handle, ear: &mut impl Ear, rest_s: f64, ra
         ear.make_room(handle)?;
         let fault = match &line {
             Ok(Line::Advance(to_s)) => match go_on(handle, ear, [time_s, contact_s, *to_s])? {
-                Some(why) => Some(Error::new(why.to_string()).because(why)),
+                Some(why) => Some(why.fault()),
                 None => {
                     time_s = *to_s;
                     None
@@ -237,7 +237,7 @@ fn tell(mut feed: Feed, handle: &mut Handle, ear: &mut impl Ear, rest_s: f64, ra
     let (mut now_s, mut loud_s) = (end_s, end_s);
     while handle.is_running() {
         if let Some(why) = go_on(handle, ear, [now_s - REST_STEP_S, contact_s, now_s])? {
-            return Err(Error::new(why.to_string()).because(why));
+            return Err(why.fault());
         }
         let statistics = handle.statistics();
         let played_s = statistics.played_frame as f64 / rate_hz;
@@ -261,12 +261,13 @@ fn tell(mut feed: Feed, handle: &mut Handle, ear: &mut impl Ear, rest_s: f64, ra
 
 /// What was left out, and what the audio thread says.
 fn report(feed: &Feed, handle: &Handle, rate_hz: f64) {
-    let Left { not_finite, earlier, full, unknown, .. } = handle.left_out();
+    let Left { not_finite, earlier, full, unknown, ahead } = handle.left_out();
     let reasons = [
         (not_finite, "with numbers that are none"),
         (earlier, "earlier than what was told before"),
         (full, "for which there was no room"),
         (unknown, "of what is not there"),
+        (ahead, "more than a second ahead of the last `advance`"),
     ];
     if feed.faults > 0 {
         let counted: u64 = reasons.iter().map(|(count, _)| count).sum();
