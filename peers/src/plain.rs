@@ -83,7 +83,7 @@ struct Row {
     start: fn(&Plain) -> Result<Box<dyn Rendering>>,
 }
 
-const ROWS: [Row; 7] = [
+const ROWS: [Row; 9] = [
     Row {
         name: "froufrou",
         reads: true,
@@ -108,6 +108,16 @@ const ROWS: [Row; 7] = [
         name: "froufrou-short, audio thread",
         reads: false,
         start: |plain| peers::froufrou::plain(plain, Kernel::Short, Worker::Before),
+    },
+    Row {
+        name: "froufrou-line, slices of 512",
+        reads: true,
+        start: |plain| peers::froufrou::plain(plain, Kernel::Line, Worker::Beside(512)),
+    },
+    Row {
+        name: "froufrou-line, audio thread",
+        reads: false,
+        start: |plain| peers::froufrou::plain(plain, Kernel::Line, Worker::Before),
     },
     Row { name: "oddio", reads: true, start: oddio::plain },
     Row { name: "kira", reads: true, start: kira::plain },

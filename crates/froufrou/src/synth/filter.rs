@@ -141,6 +141,11 @@ impl Filters {
         self.spreads.get(number).map(|gains| &**gains)
     }
 
+    /// Whether there are neither filters nor spreads.
+    pub fn is_empty(&self) -> bool {
+        self.filters.kept.is_empty() && self.spreads.kept.is_empty()
+    }
+
     /// Forgets all that come before the first of these numbers, of filters and of spreads.
     pub fn release(&mut self, needed: impl Iterator<Item = [u32; 2]>) {
         let [filter, spread] =

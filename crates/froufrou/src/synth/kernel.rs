@@ -3,6 +3,8 @@
 
 use pulp::{Simd, bytemuck};
 
+use super::sinc::Samples;
+
 /// How many octaves of compression have tables.
 const OCTAVES: usize = 6;
 
@@ -23,17 +25,165 @@ pub(super) fn integer(whole: f64) -> i32 {
 /// The least and the greatest of some ratios.
 #[inline(always)]
 pub(super) fn extent(ratios: &[f64]) -> [f64; 2] {
+    // One after the other: together they become no vectors.
+    [best(ratios, f64::INFINITY, |a, b| a < b), best(ratios, f64::NEG_INFINITY, |a, b| a > b)]
+}
+
+/// The one that is better than all others, or the worst.
+#[inline(always)]
+fn best(ratios: &[f64], worst: f64, is_better: impl Fn(f64, f64) -> bool) -> f64 {
     const SIDE_BY_SIDE: usize = 8;
-    let (mut least, mut greatest) = ([f64::INFINITY; SIDE_BY_SIDE], [f64::NEG_INFINITY; SIDE_BY_SIDE]);
+    let better = |a: f64, b: f64| if is_better(a, b) { a } else { b };
+    let mut best = [worst; SIDE_BY_SIDE];
     let (whole, rest) = ratios.as_chunks::<SIDE_BY_SIDE>();
     for ratios in whole {
-        for ((least, greatest), ratio) in least.iter_mut().zip(&mut greatest).zip(ratios) {
-            *least = if ratio < least { *ratio } else { *least };
-            *greatest = if ratio > greatest { *ratio } else { *greatest };
+        best.iter_mut().zip(ratios).for_each(|(best, ratio)| *best = better(*ratio, *best));
+    }
+    best.iter().chain(rest).fold(worst, |best, ratio| better(*ratio, best))
+}
+
+/// Readings whose places are found before any of them is made.
+pub(super) const CHUNK: usize = 64;
+
+/// Places within a chunk are no farther apart, in samples.
+const FARTHEST: f64 = 1e9;
+
+/// Where some readings lie, found for all of them at once, for the processor does several at a time.
+struct Places {
+    /// The sample before the first of them.
+    origin: f64,
+    /// The sample before each of them, from there on.
+    wholes: [i32; CHUNK],
+    /// The row of taps before each.
+    phases: [i32; CHUNK],
+    /// How far it lies behind that, as a part of the way to the next.
+    along: [f32; CHUNK],
+}
+
+impl Places {
+    /// Those of [`CHUNK`] positions at most, where so many rows lie between two samples.
+    #[inline(always)]
+    fn find(positions: &[f64], rows: usize) -> Self {
+        let origin = positions.first().map_or(0.0, |position| position.floor());
+        let (mut wholes, mut phases, mut along) = ([0i32; CHUNK], [0i32; CHUNK], [0.0f32; CHUNK]);
+        let all = wholes.iter_mut().zip(&mut phases).zip(&mut along);
+        for (position, ((to, phase), along)) in positions.iter().zip(all) {
+            let whole = position.floor();
+            *to = integer((whole - origin).clamp(-FARTHEST, FARTHEST));
+            let at = (position - whole) * rows as f64;
+            *phase = integer(at.floor()).clamp(0, rows as i32 - 1);
+            *along = (at - f64::from(*phase)) as f32;
+        }
+        Self { origin, wholes, phases, along }
+    }
+}
+
+/// A kernel for one ratio: for each place between two samples `ROWS` rows of taps, which are weighed for what lies between
+/// this place and the next. At ratio 1 a row has `WIDTH` taps.
+pub(super) trait Table<const ROWS: usize, const WIDTH: usize>: Sized + 'static {
+    /// The ratios of all tables.
+    const SPACING: Spacing;
+    /// Places between two samples.
+    const PHASES: usize;
+
+    /// The table with an index.
+    fn get(index: usize) -> &'static Self;
+
+    /// How many taps a row has: a multiple of [`LANES`].
+    fn width(&self) -> usize;
+
+    /// The rows of a place, end to end.
+    fn rows(&self, phase: usize) -> &[f32];
+
+    /// Their weights some part of the way to the next place.
+    fn weights(along: f32) -> [f32; ROWS];
+}
+
+/// Reads samples at many positions: see [`Samples::read`].
+#[inline(always)]
+pub(super) fn read<T: Table<ROWS, WIDTH>, S: Simd, const ROWS: usize, const WIDTH: usize>(
+    simd: S,
+    samples: &Samples<'_>,
+    [positions, ratios]: [&[f64]; 2],
+    out: &mut [f32],
+    window: &mut Vec<f32>,
+) {
+    let length = samples.samples.len() as i64;
+    let chunks = positions.chunks(CHUNK).zip(ratios.chunks(CHUNK)).zip(out.chunks_mut(CHUNK));
+    for ((positions, ratios), out) in chunks {
+        let Places { origin, wholes, phases, along } = Places::find(positions, T::PHASES);
+        let mut weights = [[0.0f32; CHUNK]; ROWS];
+        for (n, along) in along.iter().enumerate() {
+            weights.iter_mut().zip(T::weights(*along)).for_each(|(all, weight)| all[n] = weight);
+        }
+        let weights = |n: usize| std::array::from_fn(|row| weights[row][n]);
+        let mut origin = origin as i64;
+        if samples.looped && length > 0 && !(0..length).contains(&origin) {
+            origin = origin.rem_euclid(length);
+        }
+        // Most often one table does for all, and no end is near.
+        let [slowest, fastest] = extent(ratios);
+        let mut current = T::SPACING.index(slowest);
+        let mut table = T::get(current);
+        let reach = table.width() as i64;
+        let wholes = &wholes[..positions.len()];
+        let rises = wholes.iter().zip(&wholes[1..]).fold(true, |rises, (a, b)| rises & (a <= b));
+        let last = origin.saturating_add(wholes.last().copied().unwrap_or(0).into());
+        if current == T::SPACING.index(fastest) && rises && origin >= reach && last <= length - reach {
+            let origin = (origin + 1) as usize - table.width() / 2;
+            let readings = out.iter_mut().zip(wholes).zip(&phases).enumerate();
+            if table.width() == WIDTH {
+                for (n, ((out, whole), phase)) in readings {
+                    let input = &samples.samples[origin + *whole as usize..][..WIDTH];
+                    let rows = &table.rows(*phase as usize)[..ROWS * WIDTH];
+                    *out = dot_rows::<S, ROWS>(simd, input, rows, weights(n));
+                }
+            } else {
+                for (n, ((out, whole), phase)) in readings {
+                    let input = &samples.samples[origin + *whole as usize..][..table.width()];
+                    *out = dot_rows::<S, ROWS>(simd, input, table.rows(*phase as usize), weights(n));
+                }
+            }
+            continue;
+        }
+        for (n, ((out, whole), ratio)) in out.iter_mut().zip(wholes).zip(ratios).enumerate() {
+            let index = T::SPACING.index(*ratio);
+            if index != current {
+                (current, table) = (index, T::get(index));
+            }
+            let input = samples.about(origin.saturating_add((*whole).into()), table.width(), window);
+            let rows = table.rows(phases[n] as usize);
+            *out = input.map_or(0.0, |input| dot_rows::<S, ROWS>(simd, input, rows, weights(n)));
         }
     }
-    let all = |first: [f64; SIDE_BY_SIDE]| first.into_iter().chain(rest.iter().copied());
-    [all(least).fold(f64::INFINITY, f64::min), all(greatest).fold(f64::NEG_INFINITY, f64::max)]
+}
+
+/// The weighted sum of the dot products of an input with rows of its length, a multiple of [`LANES`].
+#[inline(always)]
+fn dot_rows<S: Simd, const ROWS: usize>(simd: S, input: &[f32], rows: &[f32], weights: [f32; ROWS]) -> f32 {
+    // As many vectors as make up the lanes; what a wide unit leaves unused costs nothing.
+    let vectors = const { LANES / S::F32_LANES };
+    let mut sums = [[simd.splat_f32s(0.0); LANES]; ROWS];
+    let (x, _) = S::as_simd_f32s(input);
+    let taps: [&[S::f32s]; ROWS] = std::array::from_fn(|row| {
+        &S::as_simd_f32s(&rows[row * input.len()..(row + 1) * input.len()]).0[..x.len()]
+    });
+    for n in 0..x.len() / vectors {
+        for (sums, taps) in sums.iter_mut().zip(taps) {
+            for v in 0..vectors {
+                // Not fused: a fused multiply-add rounds otherwise, and not every machine has it.
+                let at = n * vectors + v;
+                sums[v] = simd.add_f32s(sums[v], simd.mul_f32s(x[at], taps[at]));
+            }
+        }
+    }
+    let mut all = [simd.splat_f32s(0.0); LANES];
+    for (sum, weight) in sums.iter().zip(weights) {
+        for v in 0..vectors {
+            all[v] = simd.add_f32s(all[v], simd.mul_f32s(sum[v], simd.splat_f32s(weight)));
+        }
+    }
+    total::<S>(&all[..vectors])
 }
 
 /// sin(π x) / (π x).

@@ -8,6 +8,7 @@ mod gate;
 pub mod grains;
 pub mod instrument;
 pub(crate) mod kernel;
+mod line;
 pub mod membrane;
 pub mod mixer;
 pub mod modal;

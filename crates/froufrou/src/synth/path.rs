@@ -201,17 +201,24 @@ impl Course {
         ((arrival_s - self.begin_s) * self.per_s).clamp(0.0, 1.0)
     }
 
-    /// As [`Segment::at`].
+    /// As [`Segment::at`] has the delay.
     #[inline(always)]
-    pub fn at(&self, arrival_s: f64) -> Moment {
-        let u = (arrival_s - self.begin_s) * self.per_s;
-        let [d0, d1, d2, d3] = self.delay_s;
-        let [s0, s1, s2] = self.slope;
-        Moment {
-            delay_s: d0 + u * (d1 + u * (d2 + u * d3)),
-            rate: 1.0 - (s0 + u * (s1 + u * s2)),
-            gain: self.gain[0] + u * self.gain[1],
-        }
+    pub fn delay_s(&self, arrival_s: f64) -> f64 {
+        let (u, [d0, d1, d2, d3]) = ((arrival_s - self.begin_s) * self.per_s, self.delay_s);
+        d0 + u * (d1 + u * (d2 + u * d3))
+    }
+
+    /// As [`Segment::at`] has the rate.
+    #[inline(always)]
+    pub fn rate(&self, arrival_s: f64) -> f64 {
+        let (u, [s0, s1, s2]) = ((arrival_s - self.begin_s) * self.per_s, self.slope);
+        1.0 - (s0 + u * (s1 + u * s2))
+    }
+
+    /// As [`Segment::at`] has the gain.
+    #[inline(always)]
+    pub fn gain(&self, arrival_s: f64) -> f64 {
+        self.gain[0] + (arrival_s - self.begin_s) * self.per_s * self.gain[1]
     }
 }
 

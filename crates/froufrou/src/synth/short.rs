@@ -63,32 +63,41 @@ impl Table {
         }
         Self { width, taps: Taps::new(&taps) }
     }
+}
+
+impl kernel::Table<2, LEAST_WIDTH> for Table {
+    const SPACING: Spacing = SPACING;
+    const PHASES: usize = PHASES;
+
+    fn get(index: usize) -> &'static Self {
+        static TABLES: [OnceLock<Table>; SPACING.count()] = [const { OnceLock::new() }; SPACING.count()];
+        let index = index.min(SPACING.count() - 1);
+        TABLES[index].get_or_init(|| Table::new(SPACING.ratio(index)))
+    }
+
+    #[inline(always)]
+    fn width(&self) -> usize {
+        self.width
+    }
 
     /// The row of a phase and that of its change.
     #[inline(always)]
     fn rows(&self, phase: usize) -> &[f32] {
         self.taps.of(2 * phase * self.width, 2 * self.width)
     }
-}
 
-fn table(index: usize) -> &'static Table {
-    static TABLES: [OnceLock<Table>; SPACING.count()] = [const { OnceLock::new() }; SPACING.count()];
-    let index = index.min(SPACING.count() - 1);
-    TABLES[index].get_or_init(|| Table::new(SPACING.ratio(index)))
+    #[inline(always)]
+    fn weights(along: f32) -> [f32; 2] {
+        [1.0, along]
+    }
 }
 
 /// Makes the tables that readings up to a ratio need.
 pub(super) fn prepare(ratio: f64) {
     for index in 0..=SPACING.index(ratio) {
-        table(index);
+        <Table as kernel::Table<2, LEAST_WIDTH>>::get(index);
     }
 }
-
-/// Readings whose places are found before any of them is made.
-const CHUNK: usize = 64;
-
-/// Places within a chunk are no farther apart, in samples.
-const FARTHEST: f64 = 1e9;
 
 impl Samples<'_> {
     /// Reads as [`Samples::read`] does, by the short kernel.
@@ -101,77 +110,8 @@ impl Samples<'_> {
         out: &mut [f32],
         window: &mut Vec<f32>,
     ) {
-        let length = self.samples.len() as i64;
-        let chunks = positions.chunks(CHUNK).zip(ratios.chunks(CHUNK)).zip(out.chunks_mut(CHUNK));
-        for ((positions, ratios), out) in chunks {
-            // Places first, for all: the processor does several at a time.
-            let origin = positions[0].floor();
-            let (mut wholes, mut phases, mut along) = ([0i32; CHUNK], [0i32; CHUNK], [0.0f32; CHUNK]);
-            for (n, position) in positions.iter().enumerate() {
-                let whole = position.floor();
-                wholes[n] = kernel::integer((whole - origin).clamp(-FARTHEST, FARTHEST));
-                let at = (position - whole) * PHASES as f64;
-                phases[n] = kernel::integer(at.floor()).clamp(0, PHASES as i32 - 1);
-                along[n] = (at - f64::from(phases[n])) as f32;
-            }
-            let mut origin = origin as i64;
-            if self.looped && length > 0 && !(0..length).contains(&origin) {
-                origin = origin.rem_euclid(length);
-            }
-            // Most often one table does for all, and no end is near.
-            let [slowest, fastest] = kernel::extent(ratios);
-            let mut current = SPACING.index(slowest);
-            let mut kernel = table(current);
-            let reach = kernel.width as i64;
-            let [low, high] =
-                [0, wholes[positions.len() - 1]].map(|whole: i32| origin.saturating_add(whole.into()));
-            let places = &wholes[..positions.len()];
-            let rises = places.iter().zip(&places[1..]).fold(true, |rises, (a, b)| rises & (a <= b));
-            if current == SPACING.index(fastest) && rises && low >= reach && high <= length - reach {
-                let origin = (origin + 1) as usize - kernel.width / 2;
-                for (n, out) in out.iter_mut().enumerate() {
-                    let input = &self.samples[origin + wholes[n] as usize..];
-                    let rows = kernel.rows(phases[n] as usize);
-                    *out = match (input.first_chunk::<LEAST_WIDTH>(), kernel.width) {
-                        (Some(input), LEAST_WIDTH) => dot(simd, input, &rows[..2 * LEAST_WIDTH], along[n]),
-                        _ => dot(simd, &input[..kernel.width], rows, along[n]),
-                    };
-                }
-                continue;
-            }
-            for (n, out) in out.iter_mut().enumerate() {
-                let index = SPACING.index(ratios[n]);
-                if index != current {
-                    (current, kernel) = (index, table(index));
-                }
-                let rows = kernel.rows(phases[n] as usize);
-                *out = match self.about(origin.saturating_add(wholes[n].into()), kernel.width, window) {
-                    Some(input) => dot(simd, input, rows, along[n]),
-                    None => 0.0,
-                };
-            }
-        }
+        kernel::read::<Table, S, 2, LEAST_WIDTH>(simd, self, [positions, ratios], out, window);
     }
-}
-
-/// The dot product of an input with a row of its length, a multiple of [`LANES`], and so much of its change behind
-/// it.
-#[inline(always)]
-fn dot<S: Simd>(simd: S, input: &[f32], rows: &[f32], along: f32) -> f32 {
-    let vectors = const { LANES / S::F32_LANES };
-    let (row, change) = rows.split_at(input.len());
-    let mut sums = [simd.splat_f32s(0.0); LANES];
-    let along = simd.splat_f32s(along);
-    let (x, p, d) = (S::as_simd_f32s(input).0, S::as_simd_f32s(row).0, S::as_simd_f32s(change).0);
-    let taps = p.chunks_exact(vectors).zip(d.chunks_exact(vectors));
-    for (x, (p, d)) in x.chunks_exact(vectors).zip(taps) {
-        for v in 0..vectors {
-            // Not fused: a fused multiply-add rounds otherwise, and not every machine has it.
-            let tap = simd.add_f32s(p[v], simd.mul_f32s(along, d[v]));
-            sums[v] = simd.add_f32s(sums[v], simd.mul_f32s(x[v], tap));
-        }
-    }
-    kernel::total::<S>(&sums[..vectors])
 }
 
 #[cfg(test)]

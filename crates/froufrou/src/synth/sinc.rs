@@ -24,7 +24,7 @@ use std::sync::OnceLock;
 use pulp::Simd;
 
 pub use super::kernel::MAX_RATIO;
-use super::kernel::{self, LANES, Spacing, Taps};
+use super::kernel::{self, LANES, Spacing, Table as _, Taps};
 use super::tiny;
 
 /// Positions between two input samples at which the kernel is tabulated. Cubic interpolation errs by
@@ -48,9 +48,6 @@ const SPACING: Spacing = Spacing::new(512);
 #[cfg(test)]
 const PASS_EDGE: f64 = 20.0 / 24.0;
 
-/// Readings whose rows and weights are found before any of them is made.
-const CHUNK: usize = 64;
-
 /// One cut-off: a row of taps for each phase, from the one before 0 to the one behind 1.
 struct Table {
     half_width: usize,
@@ -70,6 +67,22 @@ impl Table {
         let taps: Vec<f32> = taps.map(|tap| tiny::flushed(tap as f32)).collect();
         Self { half_width, taps: Taps::new(&taps) }
     }
+}
+
+impl kernel::Table<4, STILL_WIDTH> for Table {
+    const SPACING: Spacing = SPACING;
+    const PHASES: usize = PHASES;
+
+    fn get(index: usize) -> &'static Self {
+        static TABLES: [OnceLock<Table>; SPACING.count()] = [const { OnceLock::new() }; SPACING.count()];
+        let index = index.min(SPACING.count() - 1);
+        TABLES[index].get_or_init(|| Table::new(1.0 / SPACING.ratio(index)))
+    }
+
+    #[inline(always)]
+    fn width(&self) -> usize {
+        2 * self.half_width
+    }
 
     /// The four rows about a phase, end to end.
     #[inline(always)]
@@ -77,17 +90,23 @@ impl Table {
         let width = 2 * self.half_width;
         self.taps.of(phase * width, 4 * width)
     }
+
+    /// Lagrange's cubic through rows at −1, 0, 1 and 2: their weights at a place between the middle ones.
+    #[inline(always)]
+    fn weights(along: f32) -> [f32; 4] {
+        let (before, behind, far) = (along + 1.0, 1.0 - along, 2.0 - along);
+        [
+            -along * behind * far * (1.0 / 6.0),
+            before * behind * far * 0.5,
+            before * along * far * 0.5,
+            -before * along * behind * (1.0 / 6.0),
+        ]
+    }
 }
 
 /// The window of the filters that resample, from −1 to 1.
 pub(super) fn kaiser(x: f64) -> f64 {
     kernel::kaiser(x, KAISER_BETA)
-}
-
-fn table(index: usize) -> &'static Table {
-    static TABLES: [OnceLock<Table>; SPACING.count()] = [const { OnceLock::new() }; SPACING.count()];
-    let index = index.min(SPACING.count() - 1);
-    TABLES[index].get_or_init(|| Table::new(1.0 / SPACING.ratio(index)))
 }
 
 /// The number of input samples that a reading at `ratio` needs to either side of its position.
@@ -98,7 +117,7 @@ pub fn half_width(ratio: f64) -> usize {
 /// Makes the tables that readings up to a ratio need, so that no later reading allocates.
 pub fn prepare(ratio: f64) {
     for index in 0..=SPACING.index(ratio) {
-        table(index);
+        <Table as kernel::Table<4, STILL_WIDTH>>::get(index);
     }
     super::short::prepare(ratio);
 }
@@ -112,6 +131,9 @@ pub enum Kernel {
     /// Some five times as fast, for many voices at once: the topmost band fades, and images and aliases lie below
     /// −70 dB.
     Short,
+    /// Along straight lines from sample to sample, as most engines of games read: the least that a voice can cost. High
+    /// tones are softer, and of what is not read at the rate at which it was recorded images and aliases are heard.
+    Line,
 }
 
 /// A sound as it can be read: its samples, and what lies beyond them.
@@ -179,28 +201,7 @@ impl Samples<'_> {
         out: &mut [f32],
         window: &mut Vec<f32>,
     ) {
-        let chunks = positions.chunks(CHUNK).zip(ratios.chunks(CHUNK)).zip(out.chunks_mut(CHUNK));
-        for ((positions, ratios), out) in chunks {
-            // Rows and weights first, for all: the processor does several at a time.
-            let (mut phases, mut weights) = ([0i32; CHUNK], [[0.0f32; CHUNK]; 4]);
-            for (n, position) in positions.iter().enumerate() {
-                let at = (position - position.floor()) * PHASES as f64;
-                phases[n] = kernel::integer(at.floor()).clamp(0, PHASES as i32 - 1);
-                for (all, weight) in weights.iter_mut().zip(cubic((at - f64::from(phases[n])) as f32)) {
-                    all[n] = weight;
-                }
-            }
-            let (mut current, mut kernel) = (0, table(0));
-            for (n, out) in out.iter_mut().enumerate() {
-                let index = SPACING.index(ratios[n]);
-                if index != current {
-                    (current, kernel) = (index, table(index));
-                }
-                let rows = kernel.rows(phases[n] as usize);
-                let weights = [weights[0][n], weights[1][n], weights[2][n], weights[3][n]];
-                *out = self.convolve(simd, positions[n].floor() as i64, rows, weights, window);
-            }
-        }
+        kernel::read::<Table, S, 4, STILL_WIDTH>(simd, self, [positions, ratios], out, window);
     }
 
     /// Reads from a position on, sample by sample at a ratio of 1, each of these places behind the one before: what lies
@@ -217,11 +218,10 @@ impl Samples<'_> {
         let fraction = position - position.floor();
         let at = fraction * PHASES as f64;
         let phase = kernel::integer(at.floor()).clamp(0, PHASES as i32 - 1);
-        let kernel = table(0);
-        let rows = kernel.rows(phase as usize);
-        let weights = cubic((at - f64::from(phase)) as f32);
+        let rows = Table::get(0).rows(phase as usize);
+        let weights = Table::weights((at - f64::from(phase)) as f32);
         let mut row = [0.0f32; STILL_WIDTH];
-        for (weight, taps) in weights.into_iter().zip(rows.chunks_exact(2 * kernel.half_width)) {
+        for (weight, taps) in weights.into_iter().zip(rows.chunks_exact(STILL_WIDTH)) {
             row.iter_mut().zip(taps).for_each(|(sum, tap)| *sum += weight * tap);
         }
         for (out, place) in out.iter_mut().zip(places) {
@@ -230,22 +230,6 @@ impl Samples<'_> {
                 Some(input) => dot(simd, input, &row),
                 None => 0.0,
             };
-        }
-    }
-
-    /// The rows of a kernel, about an index, on the samples there.
-    #[inline(always)]
-    fn convolve<S: Simd>(
-        &self,
-        simd: S,
-        index: i64,
-        rows: &[f32],
-        weights: [f32; 4],
-        window: &mut Vec<f32>,
-    ) -> f32 {
-        match self.about(index, rows.len() / 4, window) {
-            Some(input) => dot_rows(simd, input, rows, weights),
-            None => 0.0,
         }
     }
 
@@ -306,18 +290,6 @@ impl pulp::WithSimd for Resampling<'_> {
     }
 }
 
-/// Lagrange's cubic through rows at −1, 0, 1 and 2: their weights at a place between the middle ones.
-#[inline(always)]
-fn cubic(x: f32) -> [f32; 4] {
-    let (before, behind, far) = (x + 1.0, 1.0 - x, 2.0 - x);
-    [
-        -x * behind * far * (1.0 / 6.0),
-        before * behind * far * 0.5,
-        before * x * far * 0.5,
-        -before * x * behind * (1.0 / 6.0),
-    ]
-}
-
 /// The dot product of an input with one row.
 #[inline(always)]
 fn dot<S: Simd>(simd: S, input: &[f32; STILL_WIDTH], row: &[f32; STILL_WIDTH]) -> f32 {
@@ -330,39 +302,6 @@ fn dot<S: Simd>(simd: S, input: &[f32; STILL_WIDTH], row: &[f32; STILL_WIDTH]) -
         }
     }
     kernel::total::<S>(&sums[..vectors])
-}
-
-/// The weighted sum of the dot products of an input with four rows of its length, a multiple of
-/// [`LANES`].
-#[inline(always)]
-fn dot_rows<S: Simd>(simd: S, input: &[f32], rows: &[f32], weights: [f32; 4]) -> f32 {
-    // As many vectors as make up the lanes; what a wide unit leaves unused costs nothing.
-    let vectors = const { LANES / S::F32_LANES };
-    let mut sums = [[simd.splat_f32s(0.0); LANES]; 4];
-    let (x, _) = S::as_simd_f32s(input);
-    let [p, q, r, s] =
-        std::array::from_fn(|k| S::as_simd_f32s(&rows[k * input.len()..(k + 1) * input.len()]).0);
-    let taps = p
-        .chunks_exact(vectors)
-        .zip(q.chunks_exact(vectors))
-        .zip(r.chunks_exact(vectors))
-        .zip(s.chunks_exact(vectors));
-    for (x, (((p, q), r), s)) in x.chunks_exact(vectors).zip(taps) {
-        for v in 0..vectors {
-            // Not fused: a fused multiply-add rounds otherwise, and not every machine has it.
-            sums[0][v] = simd.add_f32s(sums[0][v], simd.mul_f32s(x[v], p[v]));
-            sums[1][v] = simd.add_f32s(sums[1][v], simd.mul_f32s(x[v], q[v]));
-            sums[2][v] = simd.add_f32s(sums[2][v], simd.mul_f32s(x[v], r[v]));
-            sums[3][v] = simd.add_f32s(sums[3][v], simd.mul_f32s(x[v], s[v]));
-        }
-    }
-    let mut total = [simd.splat_f32s(0.0); LANES];
-    for (sum, weight) in sums.iter().zip(weights) {
-        for v in 0..vectors {
-            total[v] = simd.add_f32s(total[v], simd.mul_f32s(sum[v], simd.splat_f32s(weight)));
-        }
-    }
-    kernel::total::<S>(&total[..vectors])
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::path::{Course, Fades, Moment, Segment};
+use super::path::{Course, Fades, Segment};
 use super::sinc::{self, Kernel, Samples};
 
 /// A sampled prototype sound: what a thread plays.
@@ -131,8 +131,10 @@ pub(super) struct Passage {
     rate_hz: f64,
     /// Samples of the prototype in a frame of its source's time.
     step: f64,
-    /// Whether sample follows sample at the rate at which they were recorded.
+    /// Whether the delay stands still.
     is_still: bool,
+    /// Whether so sample follows sample at the rate at which they were recorded.
+    is_even: bool,
     fades: bool,
 }
 
@@ -141,9 +143,9 @@ impl Passage {
     pub fn new(segment: Segment, source_rate_hz: f64, rate_hz: f64) -> Self {
         let frames = first_frame(segment.begin_s, rate_hz)..first_frame(segment.end_s, rate_hz);
         let step = source_rate_hz / rate_hz;
-        let is_still = segment.is_still() && step == 1.0;
-        let fades = segment.fades != Fades::NONE;
-        Self { course: segment.course(), segment, frames, rate_hz, step, is_still, fades }
+        let is_still = segment.is_still();
+        let (is_even, fades) = (is_still && step == 1.0, segment.fades != Fades::NONE);
+        Self { course: segment.course(), segment, frames, rate_hz, step, is_still, is_even, fades }
     }
 
     /// How it goes on.
@@ -208,12 +210,33 @@ struct Reading<'a> {
 /// Frames whose positions are found before any of them is read: few enough to stay near.
 const CHUNK: usize = 64;
 
+/// So many are found in one go, for the processor does several at a time.
+const GROUP: usize = 16;
+
+/// What is so in each of some frames, by their numbers, and in some more to a whole group.
+#[inline(always)]
+fn each(out: &mut [f64; CHUNK], count: usize, of: impl Fn(f64) -> f64) {
+    let groups = out.as_chunks_mut::<GROUP>().0.iter_mut().zip((0u32..).step_by(GROUP));
+    for (group, first) in groups.take(count.div_ceil(GROUP)) {
+        group.iter_mut().zip(first..).for_each(|(out, n)| *out = of(n.into()));
+    }
+}
+
+/// Adds samples with a gain each.
+#[inline(always)]
+fn add(out: &mut [f64], samples: &[f32], gains: &[f64]) {
+    for (out, (sample, gain)) in out.iter_mut().zip(samples.iter().zip(gains)) {
+        *out += f64::from(*sample) * gain;
+    }
+}
+
 impl pulp::WithSimd for Reading<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
-        let &Passage { ref segment, ref course, ref frames, rate_hz, step, is_still, fades } = self.passage;
+        let &Passage { ref segment, ref course, ref frames, rate_hz, step, is_still, is_even, fades } =
+            self.passage;
         // The base is taken off last: whole numbers do not change how a position is rounded, so that
         // it does not matter how much of a signal is held.
         let place = |emission_s: f64| {
@@ -222,8 +245,8 @@ impl pulp::WithSimd for Reading<'_> {
         // Where nothing moves, all positions are as far from a whole sample but for rounding. One
         // speaks for the whole segment: else it would depend on the block how they are read.
         let whole = |position: f64| (position - position.round()).abs() < WHOLE_SAMPLE;
-        let begin = if is_still { place(frames.start as f64 / rate_hz - segment.delay_s[0]) } else { 0.0 };
-        let unchanged = is_still && whole(begin);
+        let begin = if is_even { place(frames.start as f64 / rate_hz - segment.delay_s[0]) } else { 0.0 };
+        let unchanged = is_even && whole(begin);
         // What leaves later arrives later, so that the first frame and the last speak for all.
         let fades = fades && {
             let last = self.first + (self.out.len() as u64).saturating_sub(1);
@@ -236,31 +259,28 @@ impl pulp::WithSimd for Reading<'_> {
         }
         let (mut positions, mut ratios, mut gains) = ([0.0f64; CHUNK], [0.0f64; CHUNK], [0.0f64; CHUNK]);
         let mut read = [0.0f32; CHUNK];
+        let frame_s = 1.0 / rate_hz;
         for (chunk, out) in self.out.chunks_mut(CHUNK).enumerate() {
             let first = (self.first + (chunk * CHUNK) as u64) as f64;
             let count = out.len();
-            let mut find = |n: usize, arrival_s: f64, moment: Moment| {
-                positions[n] = place(arrival_s - moment.delay_s);
-                ratios[n] = moment.rate * step;
-                gains[n] = moment.gain;
-            };
-            let arrivals_s = (0..count).map(|n| (n, (first + n as u32 as f64) / rate_hz));
-            match self.kernel {
-                Kernel::Long => {
-                    arrivals_s.for_each(|(n, arrival_s)| find(n, arrival_s, segment.at(arrival_s)));
-                }
-                Kernel::Short => {
-                    let frame_s = 1.0 / rate_hz;
-                    (0..count).for_each(|n| {
-                        let arrival_s = (first + n as u32 as f64) * frame_s;
-                        find(n, arrival_s, course.at(arrival_s));
-                    });
-                }
+            let arrival_s = |n: f64| (first + n) * frame_s;
+            match is_still {
+                true => each(&mut positions, count, |n| place(arrival_s(n) - segment.delay_s[0])),
+                false => each(&mut positions, count, |n| place(arrival_s(n) - course.delay_s(arrival_s(n)))),
+            }
+            // Lines are the same at all rates.
+            match is_still || self.kernel == Kernel::Line {
+                true => ratios = [step; CHUNK],
+                false => each(&mut ratios, count, |n| course.rate(arrival_s(n)) * step),
+            }
+            match segment.gain[0] == segment.gain[1] {
+                true => gains = [segment.gain[0]; CHUNK],
+                false => each(&mut gains, count, |n| course.gain(arrival_s(n))),
             }
             if fades {
-                for (n, gain) in gains[..count].iter_mut().enumerate() {
-                    let arrival_s = (first + n as u32 as f64) / rate_hz;
-                    *gain *= segment.fades.gain(arrival_s - segment.at(arrival_s).delay_s);
+                for (gain, n) in gains[..count].iter_mut().zip(0u32..) {
+                    let arrival_s = arrival_s(n.into());
+                    *gain *= segment.fades.gain(arrival_s - course.delay_s(arrival_s));
                 }
             }
             if unchanged {
@@ -270,16 +290,22 @@ impl pulp::WithSimd for Reading<'_> {
             } else {
                 let (positions, ratios, read) = (&positions[..count], &ratios[..count], &mut read[..count]);
                 match self.kernel {
-                    Kernel::Long if is_still => {
+                    Kernel::Long if is_even => {
                         self.samples.read_still(simd, begin, positions, read, self.window);
                     }
                     Kernel::Long => self.samples.read(simd, positions, ratios, read, self.window),
                     Kernel::Short => self.samples.read_short(simd, positions, ratios, read, self.window),
+                    Kernel::Line => self.samples.read_line(positions, read),
                 }
             }
-            for (out, (&sample, gain)) in out.iter_mut().zip(read.iter().zip(gains)) {
-                *out += f64::from(sample) * gain;
+            // Whole groups, and what is left.
+            let (groups, rest) = out.as_chunks_mut::<GROUP>();
+            let heard = read.as_chunks::<GROUP>().0.iter().zip(gains.as_chunks::<GROUP>().0);
+            let at = groups.len() * GROUP;
+            for (out, (samples, gains)) in groups.iter_mut().zip(heard) {
+                add(out, samples, gains);
             }
+            add(rest, &read[at..count], &gains[at..count]);
         }
     }
 }

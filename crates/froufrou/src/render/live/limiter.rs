@@ -31,6 +31,8 @@ pub struct Limiter {
     /// The part of what is missing from 1 that it lets go in a frame, of 2³².
     release: u64,
     frame: u64,
+    /// Where in the rings it goes.
+    slot: usize,
     limited: u64,
     not_numbers: u64,
 }
@@ -51,6 +53,7 @@ impl Limiter {
             gain: ONE,
             release: release as u64,
             frame: 0,
+            slot: 0,
             limited: 0,
             not_numbers: 0,
         }
@@ -67,9 +70,10 @@ impl Limiter {
     }
 
     /// Takes the next frame in and gives the one that is due.
+    #[inline]
     pub fn next(&mut self, frame: impl Iterator<Item = f64>, out: &mut [f32]) {
         let length = self.gains.len();
-        let slot = (self.frame % length as u64) as usize;
+        let slot = self.slot;
         let mut peak = 0.0f64;
         for (to, sample) in self.delayed[slot * self.channels..].iter_mut().zip(frame.take(self.channels)) {
             *to = if sample.is_finite() {
@@ -80,17 +84,23 @@ impl Limiter {
             };
             peak = peak.max(to.abs());
         }
-        let needed = if peak <= 1.0 { ONE } else { (ONE as f64 / peak) as u64 };
-        let held = self.hold(needed);
-        let risen = self.gain + ((((ONE - self.gain) * self.release) >> 32) + 1).min(ONE - self.gain);
-        self.gain = held.min(risen);
-        self.sum = self.sum + self.gain - std::mem::replace(&mut self.gains[slot], self.gain);
-        self.frame += 1;
+        self.slot = after(slot, length);
         let all = length as u64 * ONE;
-        let gain = self.sum as f64 / all as f64;
-        self.limited += u64::from(self.sum < all);
-        let due = (self.frame % length as u64) as usize;
-        let due = &self.delayed[due * self.channels..(due + 1) * self.channels];
+        let gain = if peak <= 1.0 && self.gain == ONE && self.sum == all {
+            // Nothing is to be made softer, nor has been of late: all gains in the rings are 1.
+            (self.least[0], self.first, self.count) = ((self.frame, ONE), 0, 1);
+            1.0
+        } else {
+            let needed = if peak <= 1.0 { ONE } else { (ONE as f64 / peak) as u64 };
+            let held = self.hold(needed);
+            let risen = self.gain + ((((ONE - self.gain) * self.release) >> 32) + 1).min(ONE - self.gain);
+            self.gain = held.min(risen);
+            self.sum = self.sum + self.gain - std::mem::replace(&mut self.gains[slot], self.gain);
+            self.limited += u64::from(self.sum < all);
+            self.sum as f64 / all as f64
+        };
+        self.frame += 1;
+        let due = &self.delayed[self.slot * self.channels..][..self.channels];
         for (out, sample) in out.iter_mut().zip(due) {
             *out = ((sample * gain) as f32).clamp(-1.0, 1.0);
         }
@@ -100,7 +110,7 @@ impl Limiter {
     fn hold(&mut self, needed: u64) -> u64 {
         let (room, length) = (self.least.len(), self.gains.len() as u64);
         if self.count > 0 && self.least[self.first].0 + length <= self.frame {
-            self.first = (self.first + 1) % room;
+            self.first = after(self.first, room);
             self.count -= 1;
         }
         while self.count > 0 && self.least[(self.first + self.count - 1) % room].1 >= needed {
@@ -110,6 +120,11 @@ impl Limiter {
         self.count += 1;
         self.least[self.first].1
     }
+}
+
+/// The next place in a ring.
+fn after(place: usize, length: usize) -> usize {
+    if place + 1 == length { 0 } else { place + 1 }
 }
 
 #[cfg(test)]

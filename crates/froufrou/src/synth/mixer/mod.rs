@@ -376,8 +376,10 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             // A little more than is heard is synthesised.
             paths.any(|path| path.known_s() < end_s) || told_s < end_s + onset_s
         };
-        let ids: BTreeSet<u64> = self.voices.threads.keys().map(|&(id, _)| id).collect();
-        let mut open: BTreeSet<u64> = ids.into_iter().filter(|&id| is_open(&self.voices, id)).collect();
+        let Voices { threads, sources, .. } = &self.voices;
+        let unknown = threads.iter().filter(|(_, path)| path.known_s() < end_s).map(|(&(id, _), _)| id);
+        let untold = sources.keys().copied().filter(|&id| is_open(&self.voices, id));
+        let mut open: BTreeSet<u64> = unknown.chain(untold).collect();
         while !open.is_empty() && self.ask()? {
             let id = self.read_line()?;
             if !is_open(&self.voices, id) {
@@ -445,13 +447,15 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
                 stretches.retain(|stretch| stretch.segment.end_s > time_s);
                 stretches.iter_mut().for_each(|stretch| stretch.release(frame));
             }
-            let ends = |Stretch { segment, .. }: &Stretch| {
-                [0, 1].map(|side| [segment.filter[side], segment.spread[side]])
-            };
-            let known = thread.stretches.iter().flatten().flat_map(ends);
-            let coming = thread.builders.iter().flat_map(PathBuilder::keys);
-            let coming = coming.map(|key| [key.filter, key.spread]);
-            thread.filters.release(known.chain(coming));
+            if !thread.filters.is_empty() {
+                let ends = |Stretch { segment, .. }: &Stretch| {
+                    [0, 1].map(|side| [segment.filter[side], segment.spread[side]])
+                };
+                let known = thread.stretches.iter().flatten().flat_map(ends);
+                let coming = thread.builders.iter().flat_map(PathBuilder::keys);
+                let coming = coming.map(|key| [key.filter, key.spread]);
+                thread.filters.release(known.chain(coming));
+            }
             !(thread.ended && thread.stretches.iter().all(Vec::is_empty))
         });
         let Voices { threads, sources, .. } = &mut self.voices;

@@ -85,6 +85,8 @@ pub(super) struct Shares {
     voices: Vec<Voice>,
     /// The numbers of the threads, the loudest first.
     order: Vec<u32>,
+    /// Memory for putting them in order.
+    keys: Vec<u64>,
     /// What all take, and what those take that are read.
     work: f64,
     read_work: f64,
@@ -137,11 +139,13 @@ impl Shares {
 
     /// Puts the threads in order; all are heard.
     pub fn sort(&mut self) {
-        let Self { of, voices, order, .. } = self;
+        let Self { of, voices, order, keys, .. } = self;
         of.resize(voices.len(), Share::default());
-        order.extend(0..u32::try_from(voices.len()).unwrap_or(NEW));
-        let power = |thread: &u32| voices.get(*thread as usize).map_or(0.0, |voice| voice.power);
-        order.sort_unstable_by(|a, b| power(b).total_cmp(&power(a)).then(a.cmp(b)));
+        // The bits of what is not negative are in its order.
+        let key = |(thread, voice): (u32, &Voice)| u64::from(!voice.power.to_bits()) << 32 | u64::from(thread);
+        keys.extend((0..).zip(&*voices).map(key));
+        keys.sort_unstable();
+        order.extend(keys.drain(..).map(|key| key as u32));
         self.work = voices.iter().map(|voice| f64::from(voice.work)).sum();
         (self.read_work, self.released, self.moves) = (self.work, 0, false);
         (self.is_fresh, self.follows) = (true, false);
@@ -300,7 +304,8 @@ impl Levels {
         // The last block of a loop may be short.
         let first = block(from.rem_euclid(prototype.samples.len() as f64));
         let blocks = (block(to) - block(from)).saturating_add(3).clamp(1, count) as usize;
-        levels.iter().cycle().skip(first.max(0) as usize).take(blocks).copied().fold(0.0, f32::max)
+        let from_first = levels.iter().cycle().skip(first.clamp(0, count - 1) as usize);
+        from_first.take(blocks).copied().fold(0.0, f32::max)
     }
 }
 

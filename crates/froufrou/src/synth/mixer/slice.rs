@@ -7,8 +7,9 @@
 //! in the same order of sums as [`Voices::render`], and so with the same bits. That takes no memory, no lock and no
 //! system call, and nothing in it can fail.
 
-use std::collections::HashMap;
 use std::ops::Range;
+
+use rustc_hash::FxHashMap;
 
 use super::super::bus::{Bus, Spreading};
 use super::super::path::{Segment, UNFILTERED};
@@ -225,8 +226,8 @@ pub struct Cutter {
     /// Kernels are made for ratios up to this.
     prepared: f64,
     /// Where each thread's signal is in the slice and in the one before, and how loud it is taken to be.
-    indices: HashMap<u64, (usize, f32)>,
-    before: HashMap<u64, (usize, f32)>,
+    indices: FxHashMap<u64, (usize, f32)>,
+    before: FxHashMap<u64, (usize, f32)>,
     levels: Levels,
     spread: [Vec<f32>; 2],
     scratch: Scratch,
@@ -240,8 +241,8 @@ impl Cutter {
             frame,
             lanes: vec![frame; voices.buses.len()],
             prepared: 1.0,
-            indices: HashMap::new(),
-            before: HashMap::new(),
+            indices: FxHashMap::default(),
+            before: FxHashMap::default(),
             levels: Levels::new(voices),
             spread: [Vec::new(), Vec::new()],
             scratch: Scratch::default(),
@@ -451,6 +452,7 @@ mod work {
         match kernel {
             Kernel::Long => 320.0,
             Kernel::Short => 96.0,
+            Kernel::Line => 8.0,
         }
     }
 }
