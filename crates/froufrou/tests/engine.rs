@@ -12,6 +12,7 @@ use froufrou::motion::body::BodyState;
 use froufrou::motion::lives::Touch;
 use froufrou::random::Random;
 use froufrou::render::live::{self, EngineSettings, Handle, Left, Player, Refused};
+use froufrou::render::offline::{self, Extent};
 use froufrou::scene::Scene;
 use froufrou::scene::contact_log::{ContactRow, Push};
 use froufrou::scene::fed::{Faces, FedPose};
@@ -97,9 +98,14 @@ fn row(time_s: f64, x: f64, push: Push<f64>, sliding_mps: Option<f64>) -> Contac
     ContactRow { time_s, a: 0, b: 0, position_m, push, normal, normal_velocity_mps, sliding_mps, line: 0 }
 }
 
-/// What happens in a frame that ends at a time: a bit of everything.
+/// What happens in a frame: a bit of everything.
 fn tell(handle: &mut Handle, frame: u32) {
-    let time_s = f64::from(frame) * FRAME_S;
+    tell_from(handle, frame, 0.0);
+}
+
+/// The same by a clock that begins with another time.
+fn tell_from(handle: &mut Handle, frame: u32, begin_s: f64) {
+    let time_s = begin_s + f64::from(frame) * FRAME_S;
     let at = |x: f64, y: f64, z: f64| FedPose::at([x, y, z]);
     let fly = handle.object("fly").unwrap();
     handle.transform(fly, time_s, at((2.0 * time_s).sin(), 1.2, (3.0 * time_s).cos())).unwrap();
@@ -259,6 +265,83 @@ fn a_feed_sounds_live_as_it_does_when_it_is_replayed() {
 }
 
 #[test]
+fn what_is_close_by_is_the_same_in_whatever_slices_it_is_made() {
+    let studio = Studio::new();
+    let close = "[[microphone]]\nname = 'close'\nposition = [0.1, 0.81, 0.01]";
+    let strikes = |handle: &mut Handle, frame: u32| {
+        let time_s = f64::from(frame) * FRAME_S;
+        let bodies = ["block", "table"].map(|name| handle.body(name).unwrap());
+        if frame % 3 == 0 {
+            let hits = row(time_s, 0.1, Push::Impulse(0.3), None);
+            let at_s = Some(time_s - 0.000_37 * f64::from(frame % 40));
+            handle.touch(bodies, &Touch { row: hits, states: [None; 2], at_s }).unwrap();
+        }
+        let slides = row(time_s, 0.1, Push::Impulse(0.1), Some(f64::from(frame % 10)));
+        handle.contact(bodies, &slides).unwrap();
+        handle.advance(time_s).unwrap();
+    };
+    for slice_frames in [37, 64, 128] {
+        let settings = EngineSettings { slice_frames, ..unhurried() };
+        let replayed = replayed(scene(&studio, close), settings.clone(), 120, strikes);
+        let (first, live) = live(scene(&studio, close), settings, 120, 128, strikes);
+        assert_eq!(distance(&live, &replayed[first..]), 0.0, "slices of {slice_frames}");
+    }
+}
+
+#[test]
+fn a_games_clock_may_begin_late_and_leap_by_mistake() {
+    let studio = Studio::new();
+    let late = |handle: &mut Handle, frame: u32| tell_from(handle, frame, 1e5);
+    let replayed = replayed(scene(&studio, STEREO), settings(), 120, late);
+    let (first, live) = live(scene(&studio, STEREO), settings(), 120, 441, late);
+    assert!(first < 9_000, "the scene begins with it, not at {first}");
+    assert_eq!(distance(&live, &replayed[2 * first..]), 0.0);
+
+    let (mut handle, _player) = live::start(scene(&studio, STEREO), settings()).unwrap();
+    let fly = handle.object("fly").unwrap();
+    let here = FedPose::at([1.0; 3]);
+    handle.advance(0.5).unwrap();
+    for beyond_s in [1e300, 1e13, 1.5e9, f64::NAN, f64::INFINITY] {
+        assert!(matches!(handle.advance(beyond_s), Err(Refused::NotFinite(_)) | Ok(())), "{beyond_s}");
+        assert_eq!(handle.transform(fly, 0.55, here).is_ok(), beyond_s != 1.5e9);
+        handle.advance(0.6).unwrap();
+    }
+    handle.transform(fly, 0.65, here).unwrap();
+    handle.advance(0.7).unwrap();
+    assert_eq!(handle.advance(0.3), Err(Refused::Earlier));
+    assert_eq!(handle.transform(fly, 0.7, here), Err(Refused::Earlier));
+    assert_eq!(handle.transform(fly, 9.0, here), Err(Refused::Ahead));
+    let unturned = FedPose { rotation: [0.0; 4], ..here };
+    assert_eq!(handle.transform(fly, 0.8, unturned), Err(Refused::Unturned));
+}
+
+#[test]
+fn a_replay_ends_where_nobody_listens_any_more() {
+    let studio = Studio::new();
+    let extent = Extent { rate_hz: RATE_HZ, from_s: 0.0, to_s: None, duration_s: Some(0.5) };
+    let mut frames = 0;
+    let rendered = live::replay(
+        scene(&studio, STEREO),
+        EngineSettings { room: 32, loads_behind: true, ..settings() },
+        |handle| {
+            let all = (1..=20_000).map(|frame| f64::from(frame) * FRAME_S);
+            for time_s in all {
+                handle.advance(time_s).map_err(Refused::fault)?;
+            }
+            Ok(())
+        },
+        |mixer, header| {
+            offline::render(mixer, header.channels().len(), &extent, false, |piece| {
+                frames += piece.mix.len() / 2;
+                Ok(())
+            })
+        },
+    );
+    rendered.unwrap();
+    assert_eq!(frames, 24_000);
+}
+
+#[test]
 fn all_that_is_told_is_heard_when_it_should_be() {
     let studio = Studio::new();
     // One after the other, without the fly of the scene.
@@ -284,6 +367,12 @@ fn all_that_is_told_is_heard_when_it_should_be() {
                     let mesh = handle.object("letter").unwrap();
                     handle.mesh(mesh, time_s, &vertices(time_s, letter)).unwrap();
                 }
+                // What is hit as it appears.
+                ("born", 40) => {
+                    assert!(handle.appear("block", "block 2", time_s, FedPose::at([0.0, 0.8, 0.0])).is_ok());
+                    let bodies = ["block 2", "table"].map(|name| handle.body(name).unwrap());
+                    handle.contact(bodies, &row(time_s, 0.0, Push::Impulse(0.5), None)).unwrap();
+                }
                 ("material", 39) => handle.material("block", "tin", time_s).unwrap(),
                 ("material" | "hit", 40) => {
                     handle.contact(bodies, &row(time_s, 0.0, Push::Impulse(0.5), None)).unwrap();
@@ -301,16 +390,21 @@ fn all_that_is_told_is_heard_when_it_should_be() {
     let loud = |sound: &[f32], from_s: f64, to_s: f64| {
         power(sound, 2, from_s, to_s.min(sound.len() as f64 / 96_000.0))
     };
-    for (what, least_db) in
-        [("wasp", -70.0), ("cloth", -110.0), ("paper", -90.0), ("hit", -80.0), ("slide", -80.0)]
-    {
+    for (what, least_db) in [
+        ("wasp", -70.0),
+        ("cloth", -110.0),
+        ("paper", -90.0),
+        ("hit", -80.0),
+        ("born", -80.0),
+        ("slide", -80.0),
+    ] {
         let sound = sound(what);
         assert_eq!(loud(&sound, 0.1, 0.64), 0.0, "{what} is not heard before it is there");
         let db = 10.0 * loud(&sound, 0.7, 1.0).log10();
         eprintln!("{what}: {db:.1} dB");
         assert!(db > least_db, "{what}: {db} dB");
         // The block rings for long.
-        if !["hit", "slide"].contains(&what) {
+        if !["hit", "born", "slide"].contains(&what) {
             let last = sound.iter().rposition(|sample| *sample != 0.0).unwrap();
             let end_s = last as f64 / 96_000.0;
             eprintln!("{what} ends at {end_s:.3} s");
@@ -491,9 +585,13 @@ fn sounds_are_loaded_while_others_are_heard() {
     let studio = Studio::new();
     drop(scene(&studio, STEREO));
     let text = std::fs::read_to_string(studio.path("told.toml")).unwrap();
-    // One that is no recording.
+    // One that is no recording, and one that is told what it has no control for.
     studio.file("broken.wav", "RIFF, but not for long");
-    let text = text.replace("[[object]]\nname = 'bell'", "[[object]]\nname = 'broken'\nposition = [0, 0, 0]\nsound = { recording = 'broken.wav' }\n[[object]]\nname = 'bell'");
+    let wrong = "[[object]]\nname = 'broken'\nposition = [0, 0, 0]\nsound = { recording = 'broken.wav' }\n\
+                 [[object]]\nname = 'wrong'\nposition = [0, 0, 0]\n\
+                 sound = { instrument = 'other', set = [{ t = 0, cheese = 3 }] }\n[[object]]\nname = 'bell'";
+    let other = "[instrument]\nother = { kind = 'needle' }\n";
+    let text = text.replace("[[object]]\nname = 'bell'", wrong).replace("[instrument]\n", other);
     let scene = |text: &str| Scene::open(studio.file("behind.toml", text), false).unwrap();
     let behind = || EngineSettings { loads_behind: true, ahead_s: FRAME_S + 0.01, ..settings() };
     assert!(live::start(scene(&text), settings()).is_err(), "all is loaded first, and one cannot be");
@@ -522,7 +620,7 @@ fn sounds_are_loaded_while_others_are_heard() {
         }
         assert!(frame < 20_000, "{there} of {all}");
     }
-    assert_eq!(faults, 1, "what cannot be loaded is told, and does not end it");
+    assert_eq!(faults, 2, "what cannot be loaded or used is told, and does not end it");
     let end_s = device.frames() as f64 / f64::from(RATE_HZ);
     let sound = &device.sound;
     // The fly goes on, the cloth rustles, the block rings.
@@ -642,8 +740,16 @@ fn a_hostile_feed_is_contained() {
                 Err(_) => break,
             }
         }
-        let wrong_s = if n % 2 == 0 { f64::NAN } else { -number(m + 900).abs() };
+        let wrong_s = match n % 4 {
+            0 => f64::NAN,
+            2 => 1e300,
+            _ => -number(m + 900).abs(),
+        };
         refuse(handle.advance(wrong_s).is_err());
+        // A clock that leaps by mistake and comes back.
+        if n % 499 == 0 {
+            refuse(handle.advance(now_s + 1e8).is_err());
+        }
         now_s += match n % 1009 {
             1008 => 1e4,
             _ => 0.004,

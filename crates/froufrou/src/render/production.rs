@@ -158,7 +158,9 @@ impl Production {
             };
             groups.entry(group).or_default().push((sound.clone(), later.clone()));
         }
-        (later, learning, Loading { groups: groups.into_values().collect(), folder, learnt })
+        let (scene, header) = (self.scene.clone(), self.header.clone());
+        let loading = Loading { groups: groups.into_values().collect(), folder, scene, header, learnt };
+        (later, learning, loading)
     }
 
     /// The header of its score in channel space.
@@ -171,6 +173,9 @@ impl Production {
 pub struct Loading {
     groups: Vec<Vec<(Sound, Later)>>,
     folder: PathBuf,
+    /// What they are for.
+    scene: Arc<Scene>,
+    header: ObjectHeader,
     learnt: Sender<(String, SoundFacts)>,
 }
 
@@ -180,19 +185,23 @@ impl Loading {
         self.groups.iter().map(Vec::len).sum()
     }
 
-    /// Loads them one after the other; `each` is told how many at once there were, or why they could not be loaded, and says
-    /// whether to go on.
+    /// Loads them one after the other; `each` is told how many at once there were, or why they could not be loaded or are none
+    /// that the scene can use, and says whether to go on.
     pub fn run(self, mut each: impl FnMut(usize, Result<()>) -> bool) {
         for group in self.groups {
             let sounds: Vec<Sound> = group.iter().map(|(sound, _)| sound.clone()).collect();
-            let loaded = prototypes::load(&sounds, &self.folder).map(|loaded| {
+            let loaded = prototypes::load(&sounds, &self.folder).and_then(|loaded| {
+                for (name, facts) in facts(&loaded) {
+                    compose::check_use(&self.scene, &self.header, &name, &facts)?;
+                }
                 // What is learnt of a sound comes when it is there.
                 for ((_, sounding), (_, later)) in loaded.iter().zip(&group) {
-                    let _ = later.set(sounding.clone());
+                    later.set(sounding.clone());
                 }
                 for known in facts(&loaded) {
                     let _ = self.learnt.send(known);
                 }
+                Ok(())
             });
             if !each(group.len(), loaded) {
                 return;

@@ -95,6 +95,37 @@ pub fn header(scene: &Scene, world: &World) -> Result<ObjectHeader> {
     })
 }
 
+/// Finds out whether a sound of a score's header can do what the scene wants of it.
+///
+/// # Errors
+/// A control that it does not have; strikes for what does not ring.
+pub(crate) fn check_use(scene: &Scene, header: &ObjectHeader, name: &str, facts: &SoundFacts) -> Result<()> {
+    let fault = |what: &str| Error::new(what).in_file(&scene.file);
+    let is_it = |played: &Played| {
+        let wanted = palette::sound_of(played, 0, &scene.instruments);
+        header
+            .sounds
+            .iter()
+            .find(|sound| palette::same(sound, &wanted))
+            .is_some_and(|sound| sound.name == name)
+    };
+    for sound in scene.sounds.iter().filter(|sound| is_it(&sound.played)) {
+        let mut set = sound.set.iter().flat_map(|key| &key.values).map(|(name, _)| name);
+        if let Some(unknown) = set.find(|name| !facts.controls.contains(name)) {
+            let what = format!("`set` names `{unknown}`, which its instrument has no control for");
+            return Err(fault(&what).help(match facts.controls.as_slice() {
+                [] => "it has none".into(),
+                known => format!("it has {}", known.join(", ")),
+            }));
+        }
+        if matches!(sound.timing, Timing::Strikes(_)) && facts.ring_s.is_none() {
+            return Err(fault("an instrument is struck by `at`, and it does not ring")
+                .help("give it `from` and `to` instead"));
+        }
+    }
+    Ok(())
+}
+
 /// The scene itself, where its bodies, its walls or its air do something to sound.
 fn surroundings(scene: &Scene) -> Option<String> {
     let name = scene.file.file_name()?.to_string_lossy();
@@ -413,23 +444,11 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
 
     /// The starts that are set by hand, in order of time.
     fn planned(&self) -> Result<VecDeque<Planned>> {
-        let fault = |what: String| Error::new(what).in_file(&self.scene.file);
+        for (name, facts) in &self.facts {
+            check_use(self.scene, self.header, name, facts)?;
+        }
         let mut starts = Vec::new();
         for (index, sound) in self.scene.sounds.iter().enumerate() {
-            let facts = self.facts_of(&sound.played, 0);
-            for name in sound.set.iter().flat_map(|key| &key.values).map(|(name, _)| name) {
-                if facts.is_some_and(|facts| !facts.controls.contains(name)) {
-                    let known = facts.map_or(String::new(), |facts| facts.controls.join(", "));
-                    return Err(fault(format!(
-                        "`set` names `{name}`, which its instrument has no control for"
-                    ))
-                    .help(if known.is_empty() {
-                        "it has none".into()
-                    } else {
-                        format!("it has {known}")
-                    }));
-                }
-            }
             let bodies = match sound.emitter {
                 Emitter::Object(object) => self.world.objects[object].len(),
                 Emitter::Around(None) => self.header.receivers.len(),
@@ -455,10 +474,6 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
         Ok(match &sound.timing {
             Timing::Starts(keys) => keys.iter().map(|&key| start(key.time_s, Some(key))).collect(),
             Timing::Strikes(strikes) => {
-                if self.facts_of(&sound.played, 0).is_some_and(|facts| facts.ring_s.is_none()) {
-                    return Err(fault("an instrument is struck by `at`, and it does not ring")
-                        .help("give it `from` and `to` instead"));
-                }
                 strikes.first().map(|&(time_s, _)| start(time_s, None)).into_iter().collect()
             }
             Timing::Span { from_s, to_s } => {
@@ -770,10 +785,6 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
 
     fn name_of_sound(&self, wanted: &Sound) -> Option<String> {
         self.header.sounds.iter().find(|sound| palette::same(sound, wanted)).map(|sound| sound.name.clone())
-    }
-
-    fn facts_of(&self, played: &Played, index: usize) -> Option<&SoundFacts> {
-        self.facts.get(&self.name_of(played, index)?)
     }
 
     /// Picks one of several recordings, never the same twice running, and a variation of its speed.

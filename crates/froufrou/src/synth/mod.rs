@@ -20,7 +20,7 @@ pub mod prototypes;
 pub mod receivers;
 mod short;
 pub mod sinc;
-mod source;
+pub(crate) mod source;
 mod spectrum;
 pub mod stick_slip;
 mod stretch;

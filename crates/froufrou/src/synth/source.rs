@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::instrument::{Generator, GrainStart, Instrument, Ramp, Stretch, Strike, stretch_samples};
 use super::path::Foresight;
-use super::sinc::Samples;
+use super::sinc::{self, Samples};
 use super::tiny;
 use super::voice::Signal;
 use crate::random::Random;
@@ -18,6 +18,12 @@ const SETTLE: usize = 256;
 
 /// Where nobody knows what is told next, a control goes from its value to the one that it is told within so many seconds.
 const GLIDE_S: f64 = 0.01;
+
+/// So long before a sample is heard at the latest must be known what a source is told, in seconds: it is made in whole
+/// stretches, and read a kernel's half width ahead, where what moves comes no faster than a quarter of the speed of sound.
+pub(crate) fn prompt_s(rate_hz: f64) -> f64 {
+    (stretch_samples(rate_hz) + sinc::half_width(1.25) + 2) as f64 / rate_hz
+}
 
 /// A generator, what it has been told, and the part of its signal that is still under way.
 pub(crate) struct Source {
@@ -252,7 +258,7 @@ impl Source {
     /// What has been made of the signal and is not forgotten.
     pub(crate) fn signal(&self) -> Signal<'_> {
         Signal {
-            kernel: super::sinc::Kernel::Long,
+            kernel: sinc::Kernel::Long,
             samples: Samples { samples: &self.samples, looped: false },
             base: self.base as f64,
             rate_hz: self.rate_hz,

@@ -202,8 +202,10 @@ impl Cost {
         }
         let sorted = &mut sorted[..count];
         sorted.sort_unstable_by(f64::total_cmp);
-        let most = self.most * sorted[count / 2];
-        let counting = sorted.partition_point(|cost| *cost <= most).max(1);
+        let median = sorted[count / 2];
+        // Infinitely often nothing is no number.
+        let counts = |cost: &f64| self.most.is_infinite() || *cost <= self.most * median;
+        let counting = sorted.partition_point(counts).max(1);
         self.reckoned = sorted[(QUANTILE * counting as f64) as usize];
     }
 

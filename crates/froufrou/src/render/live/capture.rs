@@ -23,7 +23,7 @@ const NAP: Duration = Duration::from_micros(100);
 /// let (mut capture, mut sound) = (Capture::new(player), Vec::new());
 /// for frame in 1..=600 {
 ///     handle.advance(f64::from(frame) / 60.0)?;
-///     capture.take(&handle, |frames| Ok(sound.extend_from_slice(frames)))?;
+///     capture.take(&mut handle, |frames| Ok(sound.extend_from_slice(frames)))?;
 /// }
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -35,10 +35,17 @@ pub struct Capture {
 }
 
 impl Capture {
-    /// Settings under which nothing is left out, as long as time is told once a second.
+    /// Settings under which nothing is left out, as long as time is told once a second: all sounds are loaded before it
+    /// begins.
     #[must_use]
     pub fn unhurried(settings: EngineSettings) -> EngineSettings {
-        EngineSettings { ahead_s: 1.0, budget: f32::INFINITY, catches_up: false, ..settings }
+        EngineSettings {
+            ahead_s: 1.0,
+            budget: f32::INFINITY,
+            catches_up: false,
+            loads_behind: false,
+            ..settings
+        }
     }
 
     /// Begins with the first frame.
@@ -62,10 +69,10 @@ impl Capture {
     ///
     /// # Errors
     /// Those of whoever takes the frames.
-    pub fn take(&mut self, handle: &Handle, mut each: impl FnMut(&[f32]) -> Result<()>) -> Result<()> {
+    pub fn take(&mut self, handle: &mut Handle, mut each: impl FnMut(&[f32]) -> Result<()>) -> Result<()> {
         loop {
             // In this order: what it makes before it waits is seen.
-            let is_all = handle.is_waiting() || !handle.is_running();
+            let is_all = handle.settle_debt() && handle.is_waiting() || !handle.is_running();
             if self.player.ready_frames() >= FRAMES {
                 self.player.fill(&mut self.block);
                 let left_out = self.behind.min(self.block.len());

@@ -19,6 +19,7 @@ use crate::synth::mixer::{Mixer, Sounding};
 use crate::synth::path::Foresight;
 use crate::synth::receivers;
 use crate::synth::sinc::Kernel;
+use crate::synth::source::prompt_s;
 use crate::synth::voice::Prototype;
 use crate::{Error, Result};
 
@@ -43,7 +44,7 @@ pub struct EngineSettings {
     pub budget: f32,
     /// See [`Settings::catches_up`]: it does by default, so that the latency stays as it is said.
     pub catches_up: bool,
-    /// So much can be told before the worker takes it: contacts, poses, meshes and times.
+    /// So much can be told before the worker takes it: contacts, poses, meshes and times. 16 or more.
     pub room: usize,
     /// The objects that are moved by the handle, by their names.
     pub movers: Vec<String>,
@@ -76,9 +77,6 @@ impl Default for EngineSettings {
     }
 }
 
-/// What is looked ahead for onsets that ring before their time, in seconds.
-const ONSET_S: f64 = 0.002;
-
 /// The worker sleeps so long where all that is known has been handed over.
 const NAP: Duration = Duration::from_millis(1);
 
@@ -103,7 +101,8 @@ pub fn start(scene: Scene, settings: EngineSettings) -> Result<(Handle, Player)>
     };
     let worker = spawned.map_err(|error| Error::new("there is no thread for the worker").because(error))?;
     let Ok((ends, player)) = opened.recv() else {
-        // It ended before it was ready, and said why.
+        // It ended before it was ready, and said why. Nothing more need be loaded.
+        wires.stop.store(true, Release);
         let _ = worker.join();
         return Err(wires.faults.take().unwrap_or_else(|| Error::new("the worker ended")));
     };
@@ -114,7 +113,8 @@ pub fn start(scene: Scene, settings: EngineSettings) -> Result<(Handle, Player)>
 
 /// Renders what a handle is told, as an engine would play it, but as fast as it goes: `tell` tells it, on a thread of its own,
 /// and waits where there is no room; `render` is given the mixer of the score that comes of it and the score's header. It ends
-/// where no more is told and all has sounded.
+/// where no more is told and all has sounded; what is told once `render` has ended is taken by nobody. All sounds are loaded
+/// before it begins.
 ///
 /// ```no_run
 /// use froufrou::render::live::{self, EngineSettings};
@@ -151,6 +151,7 @@ pub fn replay<T>(
     render: impl FnOnce(&mut Mixer<ChannelLines<'_>>, &ChannelHeader) -> Result<T>,
 ) -> Result<T> {
     settings.check()?;
+    let settings = EngineSettings { loads_behind: false, ..settings };
     let (told, coming) = settings.ring();
     let wires = Wires::default();
     let chain = Chain::open(scene, &settings)?;
@@ -176,18 +177,21 @@ pub fn replay<T>(
 
 impl EngineSettings {
     fn check(&self) -> Result<()> {
-        for (name, value, most) in
-            [("contact_step_s", self.contact_step_s, 1.0), ("key_step_s", self.key_step_s, 1.0)]
-        {
-            if !(1e-4..=most).contains(&value) {
-                return Err(Error::new(format!("`{name}` is {value}, expected 0.0001 to {most}")));
+        for (name, value, [least, most]) in [
+            ("rate_hz", f64::from(self.rate_hz), [8_000.0, 192_000.0]),
+            ("contact_step_s", self.contact_step_s, [1e-4, 1.0]),
+            ("key_step_s", self.key_step_s, [1e-4, 1.0]),
+            ("room", self.room as f64, [16.0, f64::from(1 << 24)]),
+        ] {
+            if !(least..=most).contains(&value) {
+                return Err(Error::new(format!("`{name}` is {value}, expected {least} to {most}")));
             }
         }
         Ok(())
     }
 
     fn ring(&self) -> (rtrb::Producer<Told>, rtrb::Consumer<Told>) {
-        rtrb::RingBuffer::new(self.room.clamp(16, 1 << 24))
+        rtrb::RingBuffer::new(self.room)
     }
 }
 
@@ -214,6 +218,7 @@ fn handle(told: rtrb::Producer<Told>, ends: Ends, wires: Wires) -> Handle {
         known_s: None,
         contact_s: 0.0,
         skipped_s: 0.0,
+        leapt_from_s: None,
         owed_s: None,
         rows: 0,
         left: Left::default(),
@@ -282,18 +287,17 @@ impl Chain {
         let pulse = Prototype { samples: Arc::new([]), rate_hz, looped: false };
         let pulse = (PULSE.to_owned(), Sounding::from(pulse));
         let sounds = production.prototypes.clone().into_iter().chain([pulse]);
-        let (later, learning) = if settings.loads_behind {
+        let (later, learning, loading) = if settings.loads_behind {
             let (later, learning, loading) = production.loading();
-            load(loading, wires)?;
-            (later, Some(learning))
+            (later, Some(learning), Some(loading))
         } else {
-            (Vec::new(), None)
+            (Vec::new(), None, None)
         };
         let lines = production.told_lines(feed, settings.key_step_s, learning)?;
         let has_colours =
             header.receivers.len() != header.channels().len() || production.header.surroundings.is_some();
         let mixer = Mixer::idle(settings.rate_hz, receivers, sounds, lines)?;
-        let mixer = mixer.with_seed(header.seed).keeping_going(true).looking_ahead(ONSET_S);
+        let mixer = mixer.with_seed(header.seed).keeping_going(true).looking_ahead(prompt_s(rate_hz));
         let mixer = mixer.with_foresight(Foresight::None).with_later(later).with_kernel(settings.kernel);
         let mixer = if has_colours { mixer } else { mixer.uncoloured() };
         // A way is known up to its last key, and that is no older than the pulse's next one.
@@ -307,6 +311,9 @@ impl Chain {
             materials: names(&mut scene.materials.iter().map(|material| &material.name)),
             latency,
         };
+        if let Some(loading) = loading {
+            load(loading, wires)?;
+        }
         Ok((mixer, header, ends))
     }
 }

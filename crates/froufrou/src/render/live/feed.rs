@@ -1,9 +1,9 @@
 //! What a handle tells, as events of a scene in order of time.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::Ordering::{Acquire, Release};
 use std::sync::atomic::{AtomicBool, AtomicU64};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use rtrb::Consumer;
@@ -36,6 +36,8 @@ pub(super) struct Feed {
     /// Events that are known and not passed on yet, by their time and how many were known before.
     pending: BTreeMap<(Time, u64), Event>,
     count: u64,
+    /// What appeared of late, and when.
+    appeared: Vec<(Arc<str>, f64)>,
     /// What was told last to be known, and what of it has been passed on.
     known_s: f64,
     passed_s: f64,
@@ -79,22 +81,32 @@ impl Delays {
     }
 }
 
-/// Faults that do not end a worker. The first one is kept until somebody asks.
+/// Faults that do not end a worker. The first ones are kept until somebody asks.
 #[derive(Clone, Default)]
-pub(super) struct Faults(Arc<Mutex<Option<Error>>>);
+pub(super) struct Faults(Arc<Mutex<VecDeque<Error>>>);
+
+/// So many faults are kept.
+const MOST_FAULTS: usize = 16;
 
 impl Faults {
+    fn all(&self) -> MutexGuard<'_, VecDeque<Error>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     pub fn tell(&self, fault: Error) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(fault);
+        let mut all = self.all();
+        if all.len() < MOST_FAULTS {
+            all.push_back(fault);
+        }
     }
 
     /// The last word.
     pub fn end(&self, fault: Error) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(fault);
+        self.all().push_back(fault);
     }
 
     pub fn take(&self) -> Option<Error> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
+        self.all().pop_front()
     }
 }
 
@@ -117,6 +129,7 @@ impl Feed {
             meshes,
             pending: BTreeMap::new(),
             count: 0,
+            appeared: Vec::new(),
             known_s: 0.0,
             passed_s: 0.0,
             wires,
@@ -127,6 +140,17 @@ impl Feed {
 
     fn mover(&self, slot: u32) -> Option<&Arc<Fed>> {
         self.movers.get(slot as usize)?.as_ref()
+    }
+
+    /// Passes what was found of contacts on, but not before its bodies have appeared: a blow lies within its step, and what
+    /// is hit as it appears does so at its end.
+    fn pass_on(&mut self, found: Found, later_s: f64) {
+        let bodies = found.bodies().map(|body| self.bodies.get(body as usize));
+        let appeared = self.appeared.iter().filter(|(name, _)| bodies.contains(&Some(name)));
+        let least_s = appeared.fold(0.0, |least_s: f64, (_, time_s)| least_s.max(*time_s));
+        let event = self.found(found);
+        let time_s = event.time_s().max(least_s);
+        self.push(event.at(time_s), later_s);
     }
 
     /// Passes an event on when its time has come, and not before what was passed on.
@@ -173,6 +197,7 @@ impl Feed {
                             self.movers.resize(slot + 1, None);
                         }
                         self.movers[slot] = Some(fed.clone());
+                        self.appeared.push((name.clone(), time_s));
                         self.change(time_s, &name, Becomes::There { kind: kind.to_string(), fed });
                     }
                     Err(fault) => self.wires.faults.tell(fault),
@@ -194,13 +219,12 @@ impl Feed {
             Told::Advance(time_s) => {
                 self.lives.complete(time_s)?;
                 while let Some(blow) = self.lives.next_blow() {
-                    let event = self.found(Found::Blow(blow));
-                    self.push(event, 0.0);
+                    self.pass_on(Found::Blow(blow), 0.0);
                 }
                 while let Some(rubbed) = self.lives.next_rubbed() {
-                    let event = self.found(Found::Rubbed(rubbed));
-                    self.push(event, self.delays.rubbing_s);
+                    self.pass_on(Found::Rubbed(rubbed), self.delays.rubbing_s);
                 }
+                self.appeared.retain(|(_, at_s)| *at_s > time_s - self.step_s);
                 self.movers.iter().flatten().for_each(|fed| fed.stand(time_s));
                 self.look(time_s);
                 self.known_s = time_s;

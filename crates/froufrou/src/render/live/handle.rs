@@ -42,6 +42,9 @@ pub enum Refused {
     /// One of its numbers is none: the one of this name.
     #[error("`{0}` is no finite number, or beyond all bounds")]
     NotFinite(&'static str),
+    /// Its rotation is none: a quaternion of length 1 is expected.
+    #[error("its rotation is none: a quaternion of length 1 is expected")]
+    Unturned,
     /// It comes before what was told already.
     #[error("it is earlier than what was told before")]
     Earlier,
@@ -66,7 +69,7 @@ impl Refused {
 /// How much was left out, and why.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Left {
-    /// Numbers that are none.
+    /// Numbers and rotations that are none.
     pub not_finite: u64,
     /// What came before what was told already.
     pub earlier: u64,
@@ -126,6 +129,8 @@ pub struct Handle {
     pub(super) contact_s: f64,
     /// So much of the game's time was left out: see [`Handle::advance`].
     pub(super) skipped_s: f64,
+    /// What time the game had before its clock leapt last.
+    pub(super) leapt_from_s: Option<f64>,
     /// A time that there was no room for.
     pub(super) owed_s: Option<f64>,
     pub(super) rows: u64,
@@ -225,7 +230,7 @@ impl Handle {
         let is_rested = self.bodies.free.len() > RESTING;
         let number = match self.bodies.free.front().filter(|_| is_rested) {
             Some(&number) => number,
-            None if self.bodies.names.len() >= MOST_BODIES => return self.leave(Refused::Unknown),
+            None if self.bodies.names.len() >= MOST_BODIES => return self.leave(Refused::Full),
             None => self.bodies.names.len() as u32,
         };
         self.tell(Told::Body(number, name.into()))?;
@@ -276,7 +281,7 @@ impl Handle {
         self.check(named.chain(moving))?;
         let turns = states.iter().flatten().map(|state| state.rotation.iter().map(|c| c * c).sum::<f64>());
         if turns.into_iter().any(|square| (square - 1.0).abs() > MOST_STRETCHED) {
-            return self.leave(Refused::NotFinite("rotation"));
+            return self.leave(Refused::Unturned);
         }
         let time_s = self.time(row.time_s)?;
         if time_s < self.contact_s {
@@ -433,22 +438,36 @@ impl Handle {
 
     /// Says that all that happens up to a time has been told, which is not before that of the last contact. What was not
     /// told to move since has stood still. Where time leaps ahead by more than a second, what is more than that is left out: to
-    /// the ear it is a second.
+    /// the ear it is a second. A clock that leapt by mistake and comes back goes on. Where the first time that is told is beyond
+    /// the first second, the scene begins with it.
     ///
     /// # Errors
     /// A time that is earlier than before, or is none. Where there is no room it is said again with the next.
     pub fn advance(&mut self, time_s: f64) -> Result<(), Refused> {
-        if !time_s.is_finite() {
+        self.check([("time_s", time_s)].into_iter())?;
+        self.begin(time_s);
+        let known_s = self.known_s.unwrap_or(0.0);
+        let least_s = known_s.max(self.contact_s);
+        let leap_s = (time_s - self.skipped_s - known_s - FARTHEST_AHEAD_S).max(0.0);
+        let back = self.leapt_from_s.filter(|from_s| (*from_s..self.skipped_s + least_s).contains(&time_s));
+        let skipped_s = match back {
+            Some(_) => time_s - least_s,
+            None => self.skipped_s + leap_s,
+        };
+        let engine_s = time_s - skipped_s;
+        if engine_s > LATEST_S {
             return self.leave(Refused::NotFinite("time_s"));
         }
-        if let Some(known_s) = self.known_s {
-            self.skipped_s += (time_s - self.skipped_s - known_s - FARTHEST_AHEAD_S).max(0.0);
-        }
-        let time_s = time_s - self.skipped_s;
-        let least_s = self.known_s.unwrap_or(0.0).max(self.contact_s);
-        if !(0.0..=LATEST_S).contains(&time_s) || time_s < least_s {
+        if engine_s < least_s {
             return self.leave(Refused::Earlier);
         }
+        if leap_s > 0.0 {
+            self.leapt_from_s = Some(known_s + self.skipped_s);
+        } else if back.is_some() {
+            self.leapt_from_s = None;
+        }
+        self.skipped_s = skipped_s;
+        let time_s = engine_s;
         self.known_s = Some(time_s);
         self.owed_s = Some(time_s);
         self.settle_debt();
@@ -458,8 +477,15 @@ impl Handle {
         Ok(())
     }
 
+    /// A clock need not begin at 0.
+    fn begin(&mut self, time_s: f64) {
+        if self.known_s.is_none() && self.leapt_from_s.is_none() && time_s > FARTHEST_AHEAD_S {
+            (self.skipped_s, self.leapt_from_s) = (time_s, Some(0.0));
+        }
+    }
+
     /// Tells the time that there was no room for; false where there is still none.
-    fn settle_debt(&mut self) -> bool {
+    pub(super) fn settle_debt(&mut self) -> bool {
         if let Some(time_s) = self.owed_s
             && self.push(Told::Advance(time_s)).is_ok()
         {
@@ -476,7 +502,9 @@ impl Handle {
                     self.count += 1;
                     return Ok(());
                 }
-                Err(rtrb::PushError::Full(back)) if self.waits && !self.told.is_abandoned() => {
+                // Nobody listens any more.
+                Err(_) if self.waits && self.told.is_abandoned() => return Ok(()),
+                Err(rtrb::PushError::Full(back)) if self.waits => {
                     std::thread::sleep(NAP);
                     told = back;
                 }
@@ -504,18 +532,19 @@ impl Handle {
         let numbers = [("time_s", time_s)].into_iter().chain(pose.position_m.map(|c| ("position_m", c)));
         self.check(numbers.chain(pose.rotation.map(|c| ("rotation", c))))?;
         if pose.rotation.iter().map(|c| c * c).sum::<f64>() < 1e-12 {
-            return self.leave(Refused::NotFinite("rotation"));
+            return self.leave(Refused::Unturned);
         }
         Ok(())
     }
 
     /// The engine's time of one that is told, where it may be told.
     fn time(&mut self, time_s: f64) -> Result<f64, Refused> {
+        self.begin(time_s);
         let time_s = time_s - self.skipped_s;
-        if !(0.0..=LATEST_S).contains(&time_s) || self.known_s.is_some_and(|known_s| time_s <= known_s) {
+        if time_s < 0.0 || self.known_s.is_some_and(|known_s| time_s <= known_s) {
             return self.leave(Refused::Earlier);
         }
-        if self.known_s.is_some_and(|known_s| time_s > known_s + FARTHEST_AHEAD_S) {
+        if time_s > LATEST_S.min(self.known_s.unwrap_or(0.0) + FARTHEST_AHEAD_S) {
             return self.leave(Refused::Ahead);
         }
         Ok(time_s)
@@ -523,7 +552,7 @@ impl Handle {
 
     pub(super) fn leave<T>(&mut self, why: Refused) -> Result<T, Refused> {
         match why {
-            Refused::NotFinite(_) => self.left.not_finite += 1,
+            Refused::NotFinite(_) | Refused::Unturned => self.left.not_finite += 1,
             Refused::Earlier => self.left.earlier += 1,
             Refused::Full => self.left.full += 1,
             Refused::Unknown => self.left.unknown += 1,
@@ -539,7 +568,7 @@ impl Handle {
 
     /// Whether the worker has made all that it can of what was told, and waits for more.
     pub fn is_waiting(&self) -> bool {
-        self.wires.taken.load(Acquire) == self.count
+        self.owed_s.is_none() && self.wires.taken.load(Acquire) == self.count
     }
 
     /// What was left out so far.
@@ -569,7 +598,8 @@ impl Handle {
         self.worker.as_ref().is_some_and(|worker| !worker.is_finished())
     }
 
-    /// What went wrong in the worker, if something did; it is told once. A synthesised sound that fails falls silent, and a mesh
+    /// What went wrong in the worker, if something did: the first fault of those that were not asked for yet, of which a few are
+    /// kept. A synthesised sound that fails falls silent, and a mesh
     /// that is none is left out; all else ends the worker.
     pub fn take_fault(&mut self) -> Option<Error> {
         self.wires.faults.take()

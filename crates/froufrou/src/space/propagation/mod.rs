@@ -224,7 +224,7 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
             match self.pass(id, time_s) {
                 Some(line) => {
                     let ends = line.verb == Verb::End;
-                    let line = self.after_cuts(id, line)?;
+                    self.after_cuts(id, &line)?;
                     self.through(id, line)?;
                     if ends {
                         self.sources.remove(&id);
@@ -236,16 +236,35 @@ impl<L: Iterator<Item = Result<ObjectLine>>> Propagation<L> {
         }
     }
 
-    /// A line of a thread jumps where a microphone has cut since the one before.
-    fn after_cuts(&mut self, id: u64, line: Statement<Placement>) -> Result<Statement<Placement>> {
-        let Some(source) = self.sources.get_mut(&id) else { return Ok(line) };
-        let mut cuts = false;
-        for (take, ear) in source.takes.iter_mut().zip(&self.inbox.ears) {
-            let last = ear.first_take + ear.takes.len().saturating_sub(1);
-            cuts |= std::mem::replace(take, last) != last;
+    /// Where a microphone has cut since the line before this one, the thread is heard at its old place until now, and
+    /// jumps to the new one.
+    fn after_cuts(&mut self, id: u64, line: &Statement<Placement>) -> Result<()> {
+        let ears = &self.inbox.ears;
+        let newest = || ears.iter().map(|ear| ear.first_take + ear.takes.len().saturating_sub(1));
+        let Some(source) =
+            self.sources.get_mut(&id).filter(|source| !newest().eq(source.takes.iter().copied()))
+        else {
+            return Ok(());
+        };
+        if source.around.is_some() {
+            return Ok(());
         }
-        let verb = if cuts && line.verb == Verb::Key { Verb::Jump } else { line.verb };
-        Ok(Statement { verb, ..line })
+        let takes = newest().collect();
+        let passed = source.passed.1;
+        // One that cut long ago is not remembered where it was.
+        let are_there = source.takes.iter().zip(ears).all(|(take, ear)| ear.take(*take).is_some());
+        if are_there {
+            let held = Statement { verb: Verb::Key, ..line.clone() };
+            match line.verb {
+                // What jumps by itself stood still until now.
+                Verb::Jump => self.give(id, line.time_s, Verb::Key, passed)?,
+                _ => self.through(id, held)?,
+            }
+        }
+        if let Some(source) = self.sources.get_mut(&id) {
+            source.takes = takes;
+        }
+        self.give(id, line.time_s, Verb::Jump, line.value.gain)
     }
 
     fn step(&mut self) -> Result<Option<ChannelLine>> {

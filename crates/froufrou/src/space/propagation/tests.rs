@@ -125,6 +125,31 @@ fn a_cut_is_heard_when_it_is_seen() {
     }
 }
 
+#[test]
+fn a_cut_that_nobody_foresees_is_heard_at_once() {
+    // Keys come as things happen; the camera cuts from 34 m to 68 m away between two of them.
+    let mut lines = vec![hear(0.0, [34.0, 0.0, 0.0], false), line(1, 0.0, start(), [0.0; 3])];
+    for step in 1..=40 {
+        let time_s = f64::from(step) * 0.005;
+        let from_m = if step < 21 { 34.0 } else { 68.0 };
+        lines.push(hear(time_s, [from_m, 0.0, 0.0], step == 21));
+        lines.push(line(1, time_s, if step == 40 { Verb::End } else { Verb::Key }, [0.0; 3]));
+    }
+    let lines = Propagation::new(&header(None), lines.into_iter()).unwrap();
+    let lines = lines.with_foresight(Foresight::None).map(|line| line.unwrap());
+    let lines: Vec<_> = lines.filter_map(|line| line.statement().cloned()).collect();
+    let jumps: Vec<usize> = (0..lines.len()).filter(|&n| lines[n].verb == Verb::Jump).collect();
+    let &[jump] = &jumps[..] else { panic!("{jumps:?}") };
+    assert!((lines[jump].time_s - 0.105).abs() < 1e-12);
+    // Until then it is heard where it was, to the very moment.
+    assert_eq!(lines[jump - 1].time_s, lines[jump].time_s);
+    for (n, line) in lines.iter().enumerate() {
+        let delay_s = if n < jump { 0.1 } else { 0.2 };
+        assert!((line.value[0].delay_s - delay_s).abs() < 1e-9, "{n}: {line:?}");
+    }
+    assert_eq!(lines.last().unwrap().verb, Verb::End);
+}
+
 fn line_s(line: &Result<ObjectLine>) -> f64 {
     match line.as_ref().unwrap() {
         ObjectLine::Thread(statement) => statement.time_s,

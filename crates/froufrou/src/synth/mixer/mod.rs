@@ -46,9 +46,29 @@ pub enum Sounding {
 }
 
 /// Something that can be played once it is loaded.
-pub type Later = Arc<OnceLock<Sounding>>;
+#[derive(Clone, Default)]
+pub struct Later(Arc<OnceLock<Sounding>>);
+
+impl Later {
+    /// It is loaded.
+    pub fn set(&self, sounding: Sounding) {
+        // One that is there already stays.
+        let _ = self.0.set(sounding.flushed());
+    }
+}
 
 impl Sounding {
+    /// The same without numbers that are too small to be heard.
+    fn flushed(self) -> Self {
+        match self {
+            Sounding::Recording(prototype) => {
+                let samples = tiny::without(prototype.samples);
+                Sounding::Recording(Prototype { samples, ..prototype })
+            }
+            instrument => instrument,
+        }
+    }
+
     /// Length in seconds at speed 1; infinite for what does not end by itself.
     pub fn duration_s(&self) -> f64 {
         match self {
@@ -148,13 +168,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         let (mut names, mut soundings) = (BTreeMap::new(), Vec::new());
         for (name, sounding) in sounds {
             names.insert(name, soundings.len());
-            soundings.push(match sounding {
-                Sounding::Recording(prototype) => {
-                    let samples = tiny::without(prototype.samples);
-                    Sounding::Recording(Prototype { samples, ..prototype })
-                }
-                instrument => instrument,
-            });
+            soundings.push(sounding.flushed());
         }
         let colours = BandFilters::new(f64::from(rate_hz)).ok();
         let (mut paths, mut channels) = (0, 0);
@@ -522,7 +536,6 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         Ok(())
     }
 
-    /// Tells a synthesised sound what is said to it.
     /// What begins in a thread as it is told something.
     fn begun_by(&self, cue: &Cue, thread: &Thread) -> Begun {
         let heard = thread.builders.iter().zip(&self.voices.receivers);
@@ -546,6 +559,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
         }
     }
 
+    /// Tells a synthesised sound what is said to it.
     fn cue(&mut self, cue: &Cue) -> Result<()> {
         let id = cue.thread;
         let direct = self.thread((id, 0))?;
@@ -621,7 +635,7 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Mixer<L> {
             return Err(Error::new(format!("thread {id} plays an unknown sound `{}`", start.sound)));
         };
         if let Some(later) = self.later.get(&sound) {
-            let Some(there) = later.get() else {
+            let Some(there) = later.0.get() else {
                 return Err(Error::new(format!(
                     "thread {id} plays `{}`, which is not loaded yet",
                     start.sound

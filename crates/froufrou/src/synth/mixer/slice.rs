@@ -203,7 +203,7 @@ fn held(segment: &Segment, time_s: f64, frame_s: f64, for_s: f64) -> Option<(Seg
     let from_s = time_s.clamp(segment.begin_s, segment.end_s);
     let at = segment.at(from_s);
     // No steeper than any path may be.
-    let (slope, length_s) = ((1.0 - at.rate).clamp(-8.0, 0.875), for_s + time_s - from_s);
+    let (slope, length_s) = ((1.0 - at.rate).clamp(-8.0, 1.0 - SLOWEST), for_s + time_s - from_s);
     let held = Segment {
         begin_s: from_s,
         end_s: from_s + length_s,
@@ -214,6 +214,9 @@ fn held(segment: &Segment, time_s: f64, frame_s: f64, for_s: f64) -> Option<(Seg
     };
     Some((held, (from_s - segment.begin_s) / (segment.end_s - segment.begin_s)))
 }
+
+/// The least rate at which what is held goes on.
+const SLOWEST: f64 = 0.125;
 
 /// So many samples at most lie behind what is needed of a synthesised sound, in which it comes to rest.
 const TAIL: usize = 480;
@@ -341,7 +344,8 @@ impl Cutter {
             Sounding::Recording(prototype) => (Held::Recording(prototype.clone()), prototype.rate_hz),
             Sounding::Instrument(_) => (Held::Made(0..0, 0.0), voices.rate_hz),
         };
-        let ratio = segment.fastest() * thread.playback.speed * rate_hz / voices.rate_hz;
+        // Held, it goes on no slower than that.
+        let ratio = segment.fastest().max(SLOWEST) * thread.playback.speed * rate_hz / voices.rate_hz;
         if ratio > self.prepared && self.prepared < sinc::MAX_RATIO {
             sinc::prepare(ratio);
             self.prepared = ratio;
