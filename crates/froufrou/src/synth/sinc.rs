@@ -402,8 +402,8 @@ pub(super) mod tests {
         // The reference evaluates the kernel itself, without tables, interpolation or lanes.
         let input = tone(0.137, 600);
         let samples = Samples { samples: &input, looped: false };
-        let half = table(0).half_width as f64;
-        let cutoff = 0.5 - kernel::transition(table(0).half_width, 103.08) / 2.0;
+        let half = Table::get(0).half_width as f64;
+        let cutoff = 0.5 - kernel::transition(Table::get(0).half_width, 103.08) / 2.0;
         for position in [300.0, 300.25, 300.501, 255.999] {
             let kernel = |x: f64| {
                 if x.abs() < half {
