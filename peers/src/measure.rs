@@ -7,7 +7,7 @@ use crate::peers::{Peer, Rendering, Result};
 use crate::world::{RATE_HZ, World};
 
 /// Seconds that sound before the clock runs: tables are made and first fades are over by then.
-const WARM_UP_S: f64 = 0.5;
+pub const WARM_UP_S: f64 = 0.5;
 
 /// How a measurement is made.
 #[derive(Debug, Clone, Copy)]

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::measure::Plan;
 use crate::peers::Result;
+use crate::plain;
 
 pub const HELP: &str = "\
 What a voice costs beside other engines.
@@ -12,11 +13,11 @@ What a voice costs beside other engines.
   --voices 16,64,256,1000   how many sound at once
   --seconds 0.25            how long they sound in each repeat
   --repeats 15              how often each is measured; the median is told
-  --block 1024              frames rendered at a time
+  --block 1024              frames rendered at a time; 128 by default with --plain
   --only NAME,NAME          these rows alone
   --head FILE.sofa          the measured head, for all that take one; else MIT_KEMAR_normal_pinna.sofa in the
                             folder hrtf of FROUFROU_DATA or of ../shared/data
-  --plain                   voices that stand still instead, with a gain and a pan, in blocks of 128
+  --plain                   voices that stand still instead, with a gain and a pan: all rows of these
   --check                   listen to what each renders, instead of measuring
 
 PHONON_LIBRARY names the library of Steam Audio.";
@@ -41,7 +42,11 @@ pub fn read(mut arguments: impl Iterator<Item = String>) -> Result<Option<Option
         check: false,
         plain: false,
     };
+    let (mut block, mut not_plain) = (None, None);
     while let Some(name) = arguments.next() {
+        if ["--check", "--only", "--head"].contains(&name.as_str()) {
+            not_plain = Some(name.clone());
+        }
         let mut value = || arguments.next().ok_or(format!("{name} wants a value"));
         match name.as_str() {
             "--help" | "-h" => return Ok(None),
@@ -54,12 +59,16 @@ pub fn read(mut arguments: impl Iterator<Item = String>) -> Result<Option<Option
             }
             "--seconds" => options.plan.seconds = number(&name, &value()?, 0.1, 60.0)?,
             "--repeats" => options.plan.repeats = number(&name, &value()?, 1, 1000)?,
-            "--block" => options.plan.block = number(&name, &value()?, 64, 2048)?,
+            "--block" => block = Some(number(&name, &value()?, 64, 2048)?),
             "--only" => options.only = value()?.split(',').map(str::to_string).collect(),
             "--head" => options.head = Some(value()?.into()),
             _ => return Err(format!("{name} is not known; --help tells what is")),
         }
     }
+    if let Some(name) = not_plain.filter(|_| options.plain) {
+        return Err(format!("{name} is not for --plain"));
+    }
+    options.plan.block = block.unwrap_or(if options.plain { plain::BLOCK } else { 1024 });
     Ok(Some(options))
 }
 

@@ -6,11 +6,14 @@ use std::sync::Arc;
 use froufrou::random::Random;
 use froufrou::synth::sinc::Kernel;
 
-use crate::measure::{self, Cost, Plan};
+use crate::measure::{self, Cost};
 use crate::options::Options;
 use crate::peers::froufrou::Worker;
 use crate::peers::{self, Rendering, Result, kira, oddio};
 use crate::world::{AMPLITUDE, RATE_HZ, Sound};
+
+/// So long is listened to at once at most, in seconds.
+const LISTENED_S: f64 = 1.5;
 
 /// How long a recording is, in seconds.
 const SECONDS: usize = 3;
@@ -43,6 +46,8 @@ pub struct Plain {
     pub rate_hz: u32,
     pub speed: f64,
     pub voices: Vec<PlainVoice>,
+    /// How long they are rendered between two preparations, in seconds.
+    pub lasts_s: f64,
 }
 
 /// The ways a recording is read: its rate, the speed, and what that is.
@@ -63,7 +68,8 @@ impl Plain {
             gain: 0.2 + 0.8 * random.uniform(3 * i + 1),
             pan: 1.8 * random.uniform(3 * i + 2) - 0.9,
         };
-        Self { sound, rate_hz, speed, voices: (0..voices as u64).map(voice).collect() }
+        let voices = (0..voices as u64).map(voice).collect();
+        Self { sound, rate_hz, speed, voices, lasts_s: LISTENED_S }
     }
 
     /// One voice plays a sine whose periods fit into the loop.
@@ -71,7 +77,8 @@ impl Plain {
         let length = rate_hz as usize;
         let at = |i: usize| (TAU * (tone_hz * i % length) as f64 / length as f64).sin();
         let sound: Arc<[f32]> = (0..length).map(|i| (at(i) * AMPLITUDE) as f32).collect();
-        Self { sound, rate_hz, speed, voices: vec![PlainVoice { offset: 0, gain: 1.0, pan: 0.0 }] }
+        let voices = vec![PlainVoice { offset: 0, gain: 1.0, pan: 0.0 }];
+        Self { sound, rate_hz, speed, voices, lasts_s: LISTENED_S }
     }
 }
 
@@ -125,12 +132,12 @@ const ROWS: [Row; 9] = [
 
 /// Prints what plain voices cost, and how well each peer reads them.
 pub fn compare(options: &Options) -> Result<()> {
-    let plan = Plan { block: BLOCK, ..options.plan };
+    let plan = options.plan;
     let numbers: Vec<String> = options.voices.iter().map(|n| format!("{n} voices")).collect();
     for (rate_hz, speed, what) in READINGS {
         let mut costs: Vec<Vec<Cost>> = ROWS.iter().map(|_| Vec::new()).collect();
         for &voices in &options.voices {
-            let plain = Plain::noise(voices, rate_hz, speed);
+            let plain = Plain { lasts_s: plan.seconds, ..Plain::noise(voices, rate_hz, speed) };
             let renderings = ROWS.iter().map(|row| (row.start)(&plain)).collect::<Result<Vec<_>>>()?;
             for (row, cost) in costs.iter_mut().zip(measure::plain(renderings, voices, plan)?) {
                 row.push(cost);

@@ -15,6 +15,7 @@ use froufrou::synth::sinc::Kernel;
 use froufrou::synth::voice::Prototype;
 
 use super::{Kind, Peer, Rendering, Result};
+use crate::measure::WARM_UP_S;
 use crate::plain::{Plain, PlainVoice};
 use crate::world::{RATE_HZ, SPEED_OF_SOUND, Sound, TICKS_HZ, Voice, World};
 
@@ -232,7 +233,7 @@ pub fn plain(plain: &Plain, kernel: Kernel, worker: Worker) -> Result<Box<dyn Re
     let mixer = Mixer::new(RATE_HZ, Receiver::plain(2), sounds, lines).map_err(|error| error.to_string())?;
     let settings = match worker {
         Worker::Beside(slice_frames) => Settings { slice_frames, ..Settings::default() },
-        Worker::Before => Settings { ahead_s: AHEAD_S, ..Settings::default() },
+        Worker::Before => Settings { ahead_s: plain.lasts_s.max(WARM_UP_S) + 0.1, ..Settings::default() },
     };
     let (supply, player) =
         live::part(mixer.with_kernel(kernel), settings).map_err(|error| error.to_string())?;
@@ -241,9 +242,6 @@ pub fn plain(plain: &Plain, kernel: Kernel, worker: Worker) -> Result<Box<dyn Re
 
 /// Plain voices sound for so long, in seconds.
 const ENDS_S: f64 = 3600.0;
-
-/// So much is supplied at once where the audio thread is measured alone, in seconds.
-const AHEAD_S: f64 = 1.5;
 
 struct LivePlaying<L> {
     supply: Supply<L>,

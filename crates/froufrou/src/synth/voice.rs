@@ -112,7 +112,7 @@ pub fn add_segment(
     block: &mut [f64],
     window: &mut Vec<f32>,
 ) -> Range<usize> {
-    Passage::new(*segment, playback.speed * signal.rate_hz, rate_hz).add(
+    Passage::new(*segment, playback, signal.rate_hz, rate_hz).add(
         signal,
         playback,
         block_frame,
@@ -133,19 +133,22 @@ pub(super) struct Passage {
     step: f64,
     /// Whether the delay stands still.
     is_still: bool,
-    /// Whether so sample follows sample at the rate at which they were recorded.
+    /// Whether so sample follows sample at the rate at which they were recorded; then by which frame it is known what lies
+    /// between two of them, whatever part of the way this segment is.
     is_even: bool,
+    origin: u64,
     fades: bool,
 }
 
 impl Passage {
-    /// That of a segment, along which so many samples of the source are played in a second.
-    pub fn new(segment: Segment, source_rate_hz: f64, rate_hz: f64) -> Self {
+    /// That of a segment, along which a recording of a rate is played.
+    pub fn new(segment: Segment, playback: &Playback, source_rate_hz: f64, rate_hz: f64) -> Self {
         let frames = first_frame(segment.begin_s, rate_hz)..first_frame(segment.end_s, rate_hz);
-        let step = source_rate_hz / rate_hz;
+        let step = playback.speed * source_rate_hz / rate_hz;
         let is_still = segment.is_still();
         let (is_even, fades) = (is_still && step == 1.0, segment.fades != Fades::NONE);
-        Self { course: segment.course(), segment, frames, rate_hz, step, is_still, is_even, fades }
+        let origin = if is_even { first_frame(playback.start_s + segment.delay_s[0], rate_hz) } else { 0 };
+        Self { course: segment.course(), segment, frames, rate_hz, step, is_still, is_even, origin, fades }
     }
 
     /// How it goes on.
@@ -235,7 +238,7 @@ impl pulp::WithSimd for Reading<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
-        let &Passage { ref segment, ref course, ref frames, rate_hz, step, is_still, is_even, fades } =
+        let &Passage { ref segment, ref course, rate_hz, step, is_still, is_even, origin, fades, .. } =
             self.passage;
         // The base is taken off last: whole numbers do not change how a position is rounded, so that
         // it does not matter how much of a signal is held.
@@ -243,9 +246,9 @@ impl pulp::WithSimd for Reading<'_> {
             (emission_s - self.playback.start_s) * self.source_rate_hz + self.offset - self.base
         };
         // Where nothing moves, all positions are as far from a whole sample but for rounding. One
-        // speaks for the whole segment: else it would depend on the block how they are read.
+        // speaks for all: else it would depend on the block how they are read.
         let whole = |position: f64| (position - position.round()).abs() < WHOLE_SAMPLE;
-        let begin = if is_even { place(frames.start as f64 / rate_hz - segment.delay_s[0]) } else { 0.0 };
+        let begin = if is_even { place(origin as f64 / rate_hz - segment.delay_s[0]) } else { 0.0 };
         let unchanged = is_even && whole(begin);
         // What leaves later arrives later, so that the first frame and the last speak for all.
         let fades = fades && {
@@ -254,7 +257,7 @@ impl pulp::WithSimd for Reading<'_> {
             !segment.fades.are_over(from_s, to_s)
         };
         if unchanged && !fades && segment.gain[0] == segment.gain[1] {
-            let index = (begin.round() as i64).saturating_add((self.first - frames.start) as i64);
+            let index = (begin.round() as i64).saturating_add(self.first as i64 - origin as i64);
             return self.samples.add(index, segment.gain[0], self.out);
         }
         let (mut positions, mut ratios, mut gains) = ([0.0f64; CHUNK], [0.0f64; CHUNK], [0.0f64; CHUNK]);

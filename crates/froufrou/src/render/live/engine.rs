@@ -8,6 +8,7 @@ use std::time::Duration;
 use super::feed::{Delays, Feed, Wires};
 use super::handle::{Bodies, Handle, Latency, Left, MoverId, Movers};
 use super::meshes::Meshes;
+use super::supply::Handed;
 use super::told::Told;
 use super::{Player, Settings, Supply};
 use crate::render::production::{ChannelLines, Loading, PULSE, Production};
@@ -363,13 +364,13 @@ fn work(
         return Ok(());
     }
     while !wires.stop.load(Acquire) {
-        supply.go_on()?;
+        let handed = supply.hand_over()?;
         // Nobody asks what has begun; it would grow.
         supply.take_begun();
-        if let Some(silenced) = supply.take_faults().1.into_iter().next() {
-            wires.faults.tell(silenced);
+        supply.take_faults().1.into_iter().for_each(|silenced| wires.faults.tell(silenced));
+        if !matches!(handed, Handed::Slice) {
+            std::thread::park_timeout(NAP);
         }
-        std::thread::park_timeout(NAP);
     }
     Ok(())
 }

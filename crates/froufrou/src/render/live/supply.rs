@@ -12,6 +12,15 @@ use crate::synth::mixer::{Begun, Cutter, Mixer, Slice};
 use crate::synth::voice::first_frame;
 use crate::{Error, Result};
 
+/// What was handed over.
+pub(super) enum Handed {
+    Slice,
+    /// Nothing: there is enough already.
+    Nothing,
+    /// All that there is.
+    All,
+}
+
 /// What a worker does with a mixer, so that a [`Player`](super::Player) has something to play.
 pub struct Supply<L> {
     pub(super) mixer: Mixer<L>,
@@ -45,31 +54,41 @@ impl<L: Iterator<Item = Result<ChannelLine>>> Supply<L> {
     /// As [`Mixer::read_to`]. What has been handed over until then is played.
     pub fn go_on(&mut self) -> Result<bool> {
         loop {
-            while let Ok(slice) = self.used.pop() {
-                self.under_way -= 1;
-                self.spare.push_back(slice);
+            match self.hand_over()? {
+                Handed::Slice => {}
+                Handed::Nothing => return Ok(false),
+                Handed::All => return Ok(true),
             }
-            let at = self.cutter.frame();
-            if self.end().is_some_and(|end| at >= end) {
-                self.counters.end.store(at + 1, Release);
-                return Ok(true);
-            }
-            let played = self.counters.played.load(Acquire);
-            let is_ahead = self.ahead_frames.is_some_and(|ahead| at >= played + ahead);
-            if is_ahead || self.under_way >= self.most_under_way {
-                return Ok(false);
-            }
-            let to = at + self.slice_frames;
-            self.mixer.read_to(to)?;
-            let to = self.end().map_or(to, |end| end.clamp(at, to));
-            let mut slice = self.spare.pop_front().unwrap_or_default();
-            self.cutter.cut(self.mixer.voices(), to, &mut slice);
-            self.mixer.release(to);
-            if self.slices.push(slice).is_err() {
-                return Err(Error::new("there is no room for another slice of time"));
-            }
-            self.under_way += 1;
         }
+    }
+
+    /// Hands over the next slice, if it is time for that.
+    pub(super) fn hand_over(&mut self) -> Result<Handed> {
+        while let Ok(slice) = self.used.pop() {
+            self.under_way -= 1;
+            self.spare.push_back(slice);
+        }
+        let at = self.cutter.frame();
+        if self.end().is_some_and(|end| at >= end) {
+            self.counters.end.store(at + 1, Release);
+            return Ok(Handed::All);
+        }
+        let played = self.counters.played.load(Acquire);
+        let is_ahead = self.ahead_frames.is_some_and(|ahead| at >= played + ahead);
+        if is_ahead || self.under_way >= self.most_under_way {
+            return Ok(Handed::Nothing);
+        }
+        let to = at + self.slice_frames;
+        self.mixer.read_to(to)?;
+        let to = self.end().map_or(to, |end| end.clamp(at, to));
+        let mut slice = self.spare.pop_front().unwrap_or_default();
+        self.cutter.cut(self.mixer.voices(), to, &mut slice);
+        self.mixer.release(to);
+        if self.slices.push(slice).is_err() {
+            return Err(Error::new("there is no room for another slice of time"));
+        }
+        self.under_way += 1;
+        Ok(Handed::Slice)
     }
 
     /// The frame at which all is over, once it is known.

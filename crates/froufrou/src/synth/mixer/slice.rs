@@ -55,7 +55,7 @@ struct Heard {
 impl Heard {
     /// One of its segments, made ready to be read.
     fn passage(&self, segment: Segment, rate_hz: f64) -> Passage {
-        Passage::new(segment, self.playback.speed * self.rate_hz, rate_hz)
+        Passage::new(segment, &self.playback, self.rate_hz, rate_hz)
     }
 }
 
