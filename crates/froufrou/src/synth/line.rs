@@ -131,8 +131,7 @@ mod tests {
                 assert!((f64::from(found) - position).abs() < 1e-3, "{step}: {found} at {position}");
             }
             // One by one, as in one go.
-            let single: Vec<f32> =
-                positions.iter().flat_map(|position| read(samples, &[*position])).collect();
+            let single: Vec<f32> = positions.iter().flat_map(|position| read(samples, &[*position])).collect();
             assert_eq!(single, read(samples, &positions));
         }
     }

@@ -142,8 +142,7 @@ impl Shares {
         let Self { of, voices, order, keys, .. } = self;
         of.resize(voices.len(), Share::default());
         // The bits of what is not negative are in its order.
-        let key =
-            |(thread, voice): (u32, &Voice)| u64::from(!voice.power.to_bits()) << 32 | u64::from(thread);
+        let key = |(thread, voice): (u32, &Voice)| u64::from(!voice.power.to_bits()) << 32 | u64::from(thread);
         keys.extend((0..).zip(&*voices).map(key));
         keys.sort_unstable();
         order.extend(keys.drain(..).map(|key| key as u32));
