@@ -4,8 +4,9 @@
 #
 #     oracles/live_server.sh [SECONDS [BLOCK [FOLDER]]]
 #
-# Needs PulseAudio (in Debian: pulseaudio pulseaudio-utils libasound2-dev). A server that runs already is used; otherwise one is
-# started, and ended again.
+# Needs PulseAudio (in Debian: pulseaudio pulseaudio-utils libasound2-dev). Whoever may give real-time priority (root, or by the
+# limit `rtprio`) gets a server of their own, apart from any other, all of whose threads have it. Otherwise a server that runs
+# already is used, or one is started without. Whatever was started or changed is undone at the end, also where something fails.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 seconds=${1:-30}
@@ -16,15 +17,42 @@ mkdir -p "$folder"
 cargo build --release -p froufrou-cli --no-default-features --features device --example live_server
 binary=${CARGO_TARGET_DIR:-target}/release/examples/live_server
 
-if ! pactl info >/dev/null 2>&1; then
-    pulseaudio --start --exit-idle-time=-1
-    trap 'pulseaudio --kill' EXIT
+runtime='' server='' recorder='' sink='' before=''
+clean_up() {
+    if [ -n "$recorder" ]; then kill "$recorder" 2>/dev/null && wait "$recorder" || true; fi
+    if [ -n "$before" ]; then pactl set-default-sink "$before" || true; fi
+    if [ -n "$sink" ]; then pactl unload-module "$sink" || true; fi
+    if [ -n "$server" ]; then kill "$server" 2>/dev/null && wait "$server" || true; fi
+    if [ -n "$runtime" ]; then rm -rf "$runtime"; fi
+}
+trap clean_up EXIT
+trap 'exit 130' INT TERM
+
+is_urgent=false
+if chrt --rr 5 true 2>/dev/null; then is_urgent=true; fi
+if $is_urgent || ! pactl info >/dev/null 2>&1; then
+    runtime=$(mktemp -d)
+    export PULSE_RUNTIME_PATH=$runtime PULSE_SERVER=unix:$runtime/native
+    pulseaudio -n --daemonize=no --use-pid-file=no --exit-idle-time=-1 --realtime=yes \
+        --load="module-native-protocol-unix auth-anonymous=1 socket=$runtime/native" 2>"$folder/server.txt" &
+    server=$!
+    for _ in $(seq 100); do pactl info >/dev/null 2>&1 && break || sleep 0.1; done
+else
+    # Clients that are not of PulseAudio itself do not look for it everywhere.
+    PULSE_SERVER=${PULSE_SERVER:-$(pactl info | sed -n 's/^Server String: \(unix:\)\?/unix:/p')}
+    export PULSE_SERVER
+    before=$(pactl get-default-sink)
 fi
-# Clients that are not of PulseAudio itself do not look for it everywhere.
-PULSE_SERVER=${PULSE_SERVER:-$(pactl info | sed -n 's/^Server String: \(unix:\)\?/unix:/p')}
-export PULSE_SERVER
-module=$(pactl load-module module-null-sink sink_name=frou rate=48000 format=float32le channels=2)
+sink=$(pactl load-module module-null-sink sink_name=frou rate=48000 format=float32le channels=2)
 pactl set-default-sink frou
+if [ -n "$server" ] && $is_urgent; then
+    # PulseAudio asks for it for the thread of a sink alone. What clients write goes through its main thread, which where other
+    # programs keep the processor from it is late by more than the two blocks that the sink holds: a gap that is not ours.
+    chrt --all-tasks --rr --pid 5 "$server"
+    echo "a server of its own, with real-time priority"
+else
+    echo "a server without real-time priority for all of it: other programs may make it late"
+fi
 parec -d frou.monitor --latency-msec=20 --format=float32le --rate=48000 --channels=2 >"$folder/recorded.f32" &
 recorder=$!
 sleep 1
@@ -32,6 +60,6 @@ sleep 1
 sleep 1
 kill "$recorder"
 wait "$recorder" 2>/dev/null || true
-pactl unload-module "$module"
+recorder=''
 "$binary" compare "$folder" | tee "$folder/compared.txt"
 echo "all of it is in $folder"

@@ -241,6 +241,118 @@ fn what_appears_sounds_where_it_is_until_it_vanishes() {
 }
 
 #[test]
+fn a_leap_in_time_is_written_up_to_an_hour() {
+    let studio = Studio::new();
+    let (feed, _) = blows();
+    assert_eq!(studio.said(&format!("play scene.toml --feed - {FILE} good.wav"), &feed), "");
+    // The date of a clock, milliseconds, and what happens at such a time.
+    let hit = |time: &str| {
+        format!("{{\"t\":{time},\"contact\":[\"ball\",\"floor\"],\"position\":[0,0,0],\"impulse\":1}}\n")
+    };
+    let strange =
+        format!("{{\"advance\":1732370000}}\n{}{{\"advance\":16667}}\n{}", hit("1732370000.5"), hit("5e8"));
+    let said = studio.said(&format!("play scene.toml --feed - {FILE} strange.wav"), &(strange + &feed));
+    for expected in [
+        "<stdin>:1: 1732370000 s is too late, 1000000000 s is the latest (times are seconds since",
+        "<stdin>:2: 1732370000.5 s is too late",
+        "<stdin>:3: 16667 s is more than 3600 s ahead of the last `advance`, at 0 s",
+        "<stdin>:4: 500000000 s is more than 3600 s ahead",
+        "4 lines were left out: 4 at times that cannot be\n",
+    ] {
+        assert!(said.contains(expected), "{expected}:\n{said}");
+    }
+    assert!(studio.sound("strange.wav") == studio.sound("good.wav"), "what is left out changes nothing");
+    // What can be is written in full.
+    let leap = format!(
+        "{}{{\"advance\":0.2}}\n{{\"advance\":20}}\n{}{{\"advance\":20.2}}\n",
+        hit("0.1"),
+        hit("20.1")
+    );
+    assert_eq!(studio.said(&format!("play scene.toml --feed - {FILE} leap.wav"), &leap), "");
+    let sound = studio.sound("leap.wav");
+    let peak = |from_s: f64, to_s: f64| {
+        let samples = (from_s * 96_000.0) as usize..(to_s * 96_000.0) as usize;
+        sound[samples].iter().fold(0.0f32, |peak, sample| sample.abs().max(peak))
+    };
+    assert!(peak(0.1, 0.3) > 0.005 && peak(20.1, 20.3) > 0.005 && peak(1.0, 20.0) < 1e-4);
+}
+
+#[test]
+fn what_cannot_be_moved_is_named_with_its_line() {
+    let studio = Studio::new();
+    let flies = "[[object]]\nname = 'flies'\nposition = [0, 0, 0]\nswarm = { count = 3 }\n";
+    studio.file("scene.toml", &format!("{SCENE}{CAR}{flies}"));
+    let fails = |options: &str, feed: &str, expected: &str| {
+        let output = studio.run(&format!("play scene.toml --feed - {options} -o out.wav"), feed);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(!output.status.success() && said.contains(expected), "{expected}: {said}");
+    };
+    let flies = "{\"t\":0,\"listener\":true,\"position\":[0,1,2]}\n{\"t\":0,\"object\":\"flies\",\"position\":[0,0,0]}\n";
+    fails("", flies, "<stdin>:2: object `flies`: an object of 3 bodies is to be moved (move one body)");
+    fails("--moves flies", "", "froufrou: object `flies`: an object of 3 bodies");
+    let mesh =
+        "{\"t\":0,\"object\":\"car\",\"position\":[0,0,0]}\n{\"t\":0,\"mesh\":\"car\",\"positions\":[]}\n";
+    fails("", mesh, "<stdin>:2: object `car`: ");
+    // What is told too late to be found says where it is looked for.
+    let late = "\n{\"advance\":0}\n{\"t\":0.1,\"object\":\"car\",\"position\":[0,0,0]}\n\
+        {\"t\":0.1,\"mesh\":\"car\",\"positions\":[]}\n{\"t\":0.1,\"listener\":true,\"position\":[0,0,0]}\n";
+    let said = studio.said("play scene.toml --rest 0 --feed - -o out.wav", late);
+    for expected in [
+        "<stdin>:3: no object `car` was said to be moved when it began, and none appeared (what moves is told within the \
+         first 4096 lines and before the first `advance`, or named by `--moves`)",
+        "<stdin>:4: no object `car` was said to be moved when it began, and none appeared (what moves is told within the \
+         first 4096 lines and before the first `advance`)",
+        "<stdin>:5: the listener was not said to be moved when it began (what moves is told within the first 4096 lines \
+         and before the first `advance`, or said by `--moves-listener`)",
+    ] {
+        assert!(said.contains(expected), "{expected}:\n{said}");
+    }
+    let car = "{\"t\":0,\"object\":\"car\",\"position\":[0,0,0]}\n";
+    let hit = "{\"t\":0,\"contact\":[\"a\",\"b\"],\"position\":[0,0,0],\"impulse\":1}\n";
+    for (before, is_found) in [(4095, true), (4096, false)] {
+        let feed = format!("{}{car}{{\"advance\":0.1}}\n", hit.repeat(before));
+        let said = studio.said("play scene.toml --rest 0 --feed - -o out.wav", &feed);
+        assert_eq!(said.contains("within the first 4096 lines"), !is_found, "{before}: {said}");
+    }
+}
+
+#[test]
+fn a_mesh_that_is_none_is_told_of_when_it_comes() {
+    let studio = Studio::new();
+    studio.file("scene.toml", &format!("{SCENE}[[object]]\nname = 'sheet'\n"));
+    let mut feed = String::from("{\"t\":0,\"mesh\":\"sheet\",\"positions\":[]}\n");
+    for step in 1..=60 {
+        let (time_s, vertex) = (f64::from(step) / 60.0, if step < 30 { 70 } else { 80 });
+        let mesh = format!("\"positions\":[[0,0,0],[1,0,0],[0,0,1]],\"faces\":[[0,1,{vertex}]]");
+        writeln!(feed, "{{\"t\":{time_s},\"mesh\":\"sheet\",{mesh}}}\n{{\"advance\":{time_s}}}").unwrap();
+    }
+    let said = studio.said("play scene.toml --feed - --rest 0 -o out.wav", &feed);
+    assert!(said.contains("70") && said.contains("80") && said.contains("60 "), "{said}");
+    assert!(said.lines().count() < 15, "{said}");
+}
+
+#[test]
+fn an_option_that_would_do_nothing_is_refused() {
+    let studio = Studio::new();
+    let says = |line: &str, expected: &[&str]| {
+        let output = studio.run(line, "");
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{line}: {said}");
+        expected.iter().for_each(|expected| assert!(said.contains(expected), "{line}: {said}"));
+    };
+    for option in ["--step 0.01", "--rest 1", "--moves ball", "--moves-listener", "--output out.wav"] {
+        says(&format!("play scene.toml {option}"), &["not provided", "--feed"]);
+    }
+    says("play scene.toml --feed - --format 16", &["not provided", "--output"]);
+    says("play scene.toml --feed - --ahead 0.1 --output out.wav", &["--ahead"]);
+    let help = String::from_utf8(studio.run("play --help", "").stdout).unwrap();
+    let of_devices = ["space pauses", "--from", "--loop", "--block", "--ahead", "through the sound device"];
+    for text in of_devices {
+        assert_eq!(help.contains(text), cfg!(feature = "device"), "{text}:\n{help}");
+    }
+}
+
+#[test]
 fn what_cannot_be_is_said() {
     let studio = Studio::new();
     let fails = |line: &str, expected: &str| {

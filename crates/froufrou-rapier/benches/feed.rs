@@ -35,7 +35,7 @@ fn points(world: &PhysicsWorld) -> usize {
 #[divan::bench(args = [10, 100, 1000])]
 fn feed(bencher: Bencher, boxes: usize) {
     let world = wall(boxes);
-    let mut listener = Listener::new(STEP_S);
+    let mut listener = Listener::new(STEP_S).unwrap_or_else(|fault| panic!("{fault}"));
     let mut step = 0u32;
     bencher.counter(ItemsCount::new(points(&world))).bench_local(|| {
         step += 1;

@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         &mut world.bodies,
     );
 
-    let mut listener = Listener::new(STEP_S);
+    let mut listener = Listener::new(STEP_S)?;
     listener.name_collider(floor, "floor");
     listener.name_body(ball, "ball");
     listener.name_body(crate_, "crate");

@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 use froufrou::motion::body::BodyState;
 use froufrou::motion::lives::Touch;
 use froufrou::scene::contact_log::{ContactRow, Push};
+use froufrou::{Error, Result};
 use rapier3d::geometry::{ContactPair, NEW_CONTACT_BIT};
 use rapier3d::prelude::{
     ColliderHandle, ColliderSet, NarrowPhase, RigidBody, RigidBodyHandle, RigidBodySet, Vector,
@@ -74,8 +75,14 @@ pub fn state(body: &RigidBody) -> BodyState {
 
 impl Contacts {
     /// Follows a simulation with steps of this length in seconds.
-    pub fn new(step_s: f64) -> Self {
-        Self { moving: Vec::new(), step_s, steps: 0 }
+    ///
+    /// # Errors
+    /// A length that is none.
+    pub fn new(step_s: f64) -> Result<Self> {
+        if !(step_s > 0.0 && step_s.is_finite()) {
+            return Err(Error::new(format!("a step of the simulation is {step_s} s, expected more than 0")));
+        }
+        Ok(Self { moving: Vec::new(), step_s, steps: 0 })
     }
 
     /// The length of a step, in seconds.
@@ -172,7 +179,8 @@ impl Contacts {
                 let along: [f64; 3] = std::array::from_fn(|i| between[i] - apart_mps * normal[i]);
                 let at_s = (apart_mps < 0.0).then(|| {
                     let closed_s = f64::from(contact.dist) / -apart_mps;
-                    (time_s - self.step_s + closed_s).clamp(time_s - self.step_s, time_s)
+                    // The time may be none, which is refused by whoever is told.
+                    (time_s - self.step_s + closed_s).max(time_s - self.step_s).min(time_s)
                 });
                 let row = ContactRow {
                     time_s,

@@ -16,7 +16,7 @@
 //! let ground = ColliderBuilder::cuboid(5.0, 0.1, 5.0).translation(Vector::new(0.0, -0.1, 0.0)).restitution(0.5);
 //! let floor = world.colliders.insert(ground);
 //!
-//! let mut listener = Listener::new(1.0 / 240.0);
+//! let mut listener = Listener::new(1.0 / 240.0)?;
 //! listener.name_body(ball, "ball");
 //! listener.name_collider(floor, "floor");
 //! let mut events = Vec::new();
@@ -95,14 +95,17 @@ fn number(numbers: &mut HashMap<Who, u32>, names: &mut Vec<String>, who: Who) ->
 
 impl Listener {
     /// Listens to a simulation with steps of this length in seconds.
-    pub fn new(step_s: f64) -> Self {
-        Self {
+    ///
+    /// # Errors
+    /// A length that is not a number above 0.
+    pub fn new(step_s: f64) -> Result<Self> {
+        Ok(Self {
+            contacts: Contacts::new(step_s)?,
             lives: Lives::new(Settings::new(Step::Fixed(step_s))),
-            contacts: Contacts::new(step_s),
             numbers: HashMap::new(),
             names: Vec::new(),
             ends_s: vec![0.0; STEPS],
-        }
+        })
     }
 
     /// Names a body in events. One that nobody names is `body` and the index of its handle.

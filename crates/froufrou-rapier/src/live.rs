@@ -15,20 +15,29 @@ use crate::contacts::{Contacts, Who, state};
 const SWEEP_STEPS: u64 = 1024;
 
 /// What a live engine knows a body by.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Known {
-    name: Option<String>,
-    body: Option<BodyId>,
-    /// Where the engine moves it, and the pose that it was told last.
-    mover: Option<MoverId>,
-    pose: Option<FedPose>,
+    name: String,
+    /// Whether somebody gave it that name: such may be moved.
+    is_named: bool,
+    /// Its number in the step in which it was asked for: by the next it may have vanished.
+    body: Option<(u64, BodyId)>,
+    /// What was told last to be moved, and where to.
+    told: Option<(MoverId, FedPose)>,
+}
+
+impl Known {
+    fn new(name: String, is_named: bool) -> Self {
+        Self { name, is_named, body: None, told: None }
+    }
 }
 
 /// Tells a live engine what happens in a simulation: who touches and how, and where named bodies are that the engine was started
 /// with as [movers](EngineSettings::movers).
 ///
-/// Bodies and colliders may come and go; those that touch should each have a name of their own. The engine wants to know the
-/// time as well, once all of a frame is told: [`Live::handle`] and [`Handle::advance`].
+/// Bodies and colliders may come and go, and what the engine knows by their names may vanish and appear again; those that touch
+/// should each have a name of their own. The engine wants to know the time as well, once all of a frame is told:
+/// [`Live::handle`] and [`Handle::advance`].
 ///
 /// ```no_run
 /// use froufrou::render::live::EngineSettings;
@@ -71,9 +80,9 @@ impl Live {
     /// # Errors
     /// As [`live::start`].
     pub fn start(scene: Scene, settings: EngineSettings) -> Result<(Self, Player)> {
-        let teller = Teller::new(settings.contact_step_s);
+        let step_s = settings.contact_step_s;
         let (handle, player) = live::start(scene, settings)?;
-        Ok((Self { handle, teller }, player))
+        Ok((Self { handle, teller: Teller::new(step_s)? }, player))
     }
 
     /// The engine, to be told of the listener, of what else happens, and how far time has come.
@@ -83,7 +92,7 @@ impl Live {
 
     /// Names a body, as objects of the scene have it. One that nobody names is `body` and the index of its handle.
     pub fn name_body(&mut self, body: RigidBodyHandle, name: impl Into<String>) {
-        self.teller.name_body(&self.handle, body, name);
+        self.teller.name_body(body, name);
     }
 
     /// Names a collider that has no body, such as a floor. One that nobody names is `collider` and the index of its
@@ -109,21 +118,21 @@ impl Live {
 
 impl Teller {
     /// For a simulation with steps of this length in seconds.
-    pub fn new(step_s: f64) -> Self {
-        Self { contacts: Contacts::new(step_s), known: HashMap::new() }
+    ///
+    /// # Errors
+    /// A length that is not a number above 0.
+    pub fn new(step_s: f64) -> Result<Self> {
+        Ok(Self { contacts: Contacts::new(step_s)?, known: HashMap::new() })
     }
 
-    /// Names a body, as objects of the scene have it; the handle knows whether it is moved.
-    pub fn name_body(&mut self, handle: &Handle, body: RigidBodyHandle, name: impl Into<String>) {
-        let name = name.into();
-        let mover = handle.object(&name);
-        self.known.insert(Who::Body(body), Known { name: Some(name), mover, ..Known::default() });
+    /// Names a body, as objects of the scene have it.
+    pub fn name_body(&mut self, body: RigidBodyHandle, name: impl Into<String>) {
+        self.known.insert(Who::Body(body), Known::new(name.into(), true));
     }
 
     /// Names a collider that has no body.
     pub fn name_collider(&mut self, collider: ColliderHandle, name: impl Into<String>) {
-        let known = Known { name: Some(name.into()), ..Known::default() };
-        self.known.insert(Who::Collider(collider), known);
+        self.known.insert(Who::Collider(collider), Known::new(name.into(), true));
     }
 
     /// Tells what the step that ended at a time has solved, and where all is.
@@ -139,16 +148,14 @@ impl Teller {
         colliders: &ColliderSet,
     ) -> Result<(), Refused> {
         let Self { contacts, known } = self;
-        let mut first = Ok(());
+        let (mut first, step) = (Ok(()), contacts.steps());
         let _ = contacts.step(time_s, narrow_phase, bodies, colliders, |who, touch| {
             let numbers = who.map(|who| {
-                let known = known.entry(who).or_default();
-                let named = match (known.body, &known.name) {
-                    (Some(body), _) => Ok(body),
-                    (None, Some(name)) => handle.body(name),
-                    (None, None) => handle.body(&who.name()),
-                };
-                named.inspect(|body| known.body = Some(*body))
+                let known = known.entry(who).or_insert_with(|| Known::new(who.name(), false));
+                if let Some((_, body)) = known.body.filter(|(asked, _)| *asked == step) {
+                    return Ok(body);
+                }
+                handle.body(&known.name).inspect(|body| known.body = Some((step, *body)))
             });
             let told = match numbers {
                 [Ok(a), Ok(b)] => handle.touch([a, b], &touch),
@@ -158,14 +165,16 @@ impl Teller {
             ControlFlow::<()>::Continue(())
         });
         for (who, known) in known.iter_mut() {
-            let (Who::Body(body), Some(mover)) = (who, known.mover) else { continue };
-            let Some(body) = bodies.get(*body) else { continue };
+            let Who::Body(body) = who else { continue };
+            let Some(body) = bodies.get(*body).filter(|_| known.is_named) else { continue };
+            // What vanished and appeared again is another.
+            let Some(mover) = handle.object(&known.name) else { continue };
             let now = state(body);
             let pose = FedPose { position_m: now.position_m, rotation: now.rotation };
             // What rests is not told again and again.
-            if known.pose != Some(pose) {
+            if known.told != Some((mover, pose)) {
                 let told = handle.transform(mover, time_s, pose);
-                known.pose = told.is_ok().then_some(pose);
+                known.told = told.is_ok().then_some((mover, pose));
                 first = first.and(told);
             }
         }

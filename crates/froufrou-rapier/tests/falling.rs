@@ -22,7 +22,7 @@ impl Stage {
         world.integration_parameters.dt = (1.0 / rate_hz) as f32;
         let floor = ColliderBuilder::cuboid(50.0, 0.5, 50.0).translation(Vector::new(0.0, -0.5, 0.0));
         let floor = world.colliders.insert(floor.friction(0.5).restitution(0.0));
-        let mut listener = Listener::new(1.0 / rate_hz);
+        let mut listener = Listener::new(1.0 / rate_hz).unwrap();
         listener.name_collider(floor, "floor");
         Self { world, listener, step_s: 1.0 / rate_hz }
     }

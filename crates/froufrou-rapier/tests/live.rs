@@ -4,7 +4,7 @@
 mod studio;
 
 use froufrou::motion::Event;
-use froufrou::render::live::{Capture, EngineSettings, Left};
+use froufrou::render::live::{Capture, EngineSettings, Left, Refused};
 use froufrou::scene::Scene;
 use froufrou::scene::fed::FedPose;
 use froufrou_rapier::{Listener, Live, Teller};
@@ -65,7 +65,7 @@ const STEPS: u32 = 240;
 
 /// What is found in the simulation, first to last.
 fn events() -> Vec<Event> {
-    let (mut stage, mut listener, mut events) = (Stage::new(), Listener::new(STEP_S), Vec::new());
+    let (mut stage, mut listener, mut events) = (Stage::new(), Listener::new(STEP_S).unwrap(), Vec::new());
     stage.bodies.iter().for_each(|(body, name)| listener.name_body(*body, *name));
     listener.name_collider(stage.floor, "floor");
     for _ in 0..STEPS {
@@ -102,13 +102,13 @@ fn scene(studio: &Studio) -> String {
 fn rendered(scene: Scene) -> Vec<f32> {
     let settings = EngineSettings { contact_step_s: STEP_S, ..EngineSettings::default() };
     studio::replayed(scene, settings, |handle| {
-        let (mut stage, mut teller) = (Stage::new(), Teller::new(STEP_S));
-        stage.bodies.iter().for_each(|(body, name)| teller.name_body(handle, *body, *name));
+        let (mut stage, mut teller) = (Stage::new(), Teller::new(STEP_S).unwrap());
+        stage.bodies.iter().for_each(|(body, name)| teller.name_body(*body, *name));
         teller.name_collider(stage.floor, "floor");
         for _ in 0..STEPS {
             let (time_s, came) = stage.go_on();
             if let Some((body, name)) = came {
-                teller.name_body(handle, body, name);
+                teller.name_body(body, name);
             }
             let world = &stage.world;
             teller.feed(handle, time_s, &world.narrow_phase, &world.bodies, &world.colliders).unwrap();
@@ -190,17 +190,77 @@ fn what_is_named_is_moved() {
     let scene = Scene::open(studio.file("hand.toml", &by_hand), false).unwrap();
     let by_hand = heard(scene, &["by hand"], |live, stage, time_s| {
         let (body, _) = stage.bodies.iter().find(|(_, name)| *name == "crate").unwrap();
-        let body = &stage.world.bodies[*body];
-        let (at, turned) = (body.translation(), body.rotation());
-        let pose = FedPose {
-            position_m: [at.x, at.y, at.z].map(f64::from),
-            rotation: [turned.x, turned.y, turned.z, turned.w].map(f64::from),
-        };
         let object = live.handle().object("by hand").unwrap();
-        live.handle().transform(object, time_s, pose).unwrap();
+        live.handle().transform(object, time_s, pose(&stage.world.bodies[*body])).unwrap();
     });
     assert_eq!(named, by_hand);
     let still = heard(open(), &[], |_, _, _| ());
     let differs = named.iter().zip(&still).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(differs > 0.1, "it moves: {differs}");
+}
+
+/// Where a body is.
+fn pose(body: &RigidBody) -> FedPose {
+    let (at, turned) = (body.translation(), body.rotation());
+    FedPose {
+        position_m: [at.x, at.y, at.z].map(f64::from),
+        rotation: [turned.x, turned.y, turned.z, turned.w].map(f64::from),
+    }
+}
+
+/// A loop on the crate, which vanishes from the engine and appears again elsewhere, while it lies on the floor in the
+/// simulation.
+#[test]
+fn what_vanishes_and_appears_again_is_told_of_as_before() {
+    let studio = Studio::new();
+    studio.tone("tone.wav");
+    let text = "[listener]\nposition = [0, 1, 2]\nlayout = 'stereo'\n\
+                [[object]]\nname = 'crate'\nposition = [0, 0, 0]\n\
+                sound = { recording = 'tone.wav', loop = true, gain_db = -6 }\n";
+    let open = |text: &str| Scene::open(studio.file("live.toml", text), false).unwrap();
+    let go_and_come = |name: &str, live: &mut Live, stage: &Stage, time_s: f64| match stage.step {
+        60 => live.handle().vanish(name, time_s).unwrap(),
+        100 => {
+            live.handle().appear(name, name, time_s, FedPose::at([-3.0, 0.0, 0.0])).unwrap();
+        }
+        _ => {}
+    };
+    let named =
+        heard(open(text), &["crate"], |live, stage, time_s| go_and_come("crate", live, stage, time_s));
+    let by_hand = |is_moved_again: bool| {
+        let scene = open(&text.replace("'crate'", "'by hand'"));
+        heard(scene, &["by hand"], |live, stage, time_s| {
+            let (body, _) = stage.bodies.iter().find(|(_, name)| *name == "crate").unwrap();
+            let object = live.handle().object("by hand");
+            if let Some(object) = object.filter(|_| is_moved_again || stage.step < 100) {
+                live.handle().transform(object, time_s, pose(&stage.world.bodies[*body])).unwrap();
+            }
+            go_and_come("by hand", live, stage, time_s);
+        })
+    };
+    assert!(named == by_hand(true), "it is told as by hand, to the last bit");
+    assert!(named != by_hand(false));
+}
+
+#[test]
+fn a_step_or_a_time_that_is_none_is_refused() {
+    for step_s in [0.0, -0.01, f64::NAN, f64::INFINITY] {
+        assert!(
+            Listener::new(step_s).is_err_and(|fault| fault.to_string().contains("a step of the simulation"))
+        );
+        assert!(Teller::new(step_s).is_err());
+    }
+    let studio = Studio::new();
+    let scene = Scene::open(studio.file("live.toml", &scene(&studio)), false).unwrap();
+    let settings = EngineSettings { contact_step_s: STEP_S, ..EngineSettings::default() };
+    let (mut live, _player) = Live::start(scene, settings).unwrap();
+    let (mut stage, mut refused) = (Stage::new(), Vec::new());
+    for time_s in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1.0, 1e300] {
+        (0..60).for_each(|_| stage.world.step());
+        let world = &stage.world;
+        refused.push(live.feed(time_s, &world.narrow_phase, &world.bodies, &world.colliders));
+    }
+    use Refused::{Earlier, NotFinite};
+    let none = Err(NotFinite("time_s"));
+    assert_eq!(refused, [none, none, none, Err(Earlier), none]);
 }

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-use froufrou::render::live::{BodyId, Handle};
+use froufrou::render::live::{BodyId, Handle, Refused};
 use froufrou::scene::contact_log::{ContactRow, Push};
 use froufrou::{Error, Result};
 
@@ -99,7 +99,7 @@ pub struct Pairs {
 
 impl Pairs {
     pub fn new(handle: &mut Handle, count: usize) -> Result<Self> {
-        let mut body = |name: &str| handle.body(name).map_err(|why| Error::new(why.to_string()));
+        let mut body = |name: &str| handle.body(name).map_err(Refused::fault);
         let floor = body("floor")?;
         let stones = (0..count).map(|n| body(&format!("stone {n}"))).collect::<Result<_>>()?;
         Ok(Self { floor, stones })

@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 
 use clap::{Parser, Subcommand};
 use device::{Fill, Home, Output};
-use froufrou::render::live::{self, EngineSettings, Player};
+use froufrou::render::live::{self, EngineSettings, Player, Refused};
 use froufrou::scene::Scene;
 use froufrou::{Error, Result};
 
@@ -132,7 +132,7 @@ fn play(folder: &Path, seconds: f64, block_frames: u32, contacts: usize, ahead_s
     for frame in 1..=frames {
         let time_s = f64::from(frame) / 60.0;
         pairs.tell(&mut handle, time_s);
-        handle.advance(time_s).map_err(|why| Error::new(why.to_string()))?;
+        handle.advance(time_s).map_err(Refused::fault)?;
         if let Some(fault) = handle.take_fault() {
             return Err(fault);
         }

@@ -1,5 +1,6 @@
 //! A scene in which another program tells what happens, one JSON object a line.
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -8,9 +9,11 @@ use clap::Args;
 use froufrou::render::format::{SampleFormat, SoundFormat};
 use froufrou::render::labels::Labels;
 use froufrou::render::live::lines::{Line, Lines};
-use froufrou::render::live::{self, Capture, EngineSettings, Handle, Left, Refused};
+use froufrou::render::live::{self, Capture, EngineSettings, Handle, Left, Player, Refused};
 use froufrou::render::sound_file::{Container, SoundWriter};
 use froufrou::scene::Scene;
+use froufrou::scene::world::World;
+use froufrou::score::LATEST_S;
 use froufrou::{Error, Place, Result};
 
 use super::Play;
@@ -20,6 +23,8 @@ use crate::soundtrack::{sample_format, seconds};
 const MOST_OPENING: usize = 4096;
 /// So many faults are told; then they are counted.
 const MOST_FAULTS: u64 = 10;
+/// What happens is no further ahead of the last `advance`, in seconds: more is a mistake, such as milliseconds or a clock's date.
+const LONGEST_LEAP_S: f64 = 3600.0;
 /// There is to be room for what one line tells.
 const ROOM: usize = 8;
 /// Where nothing is told time goes on in steps of no more than this, in seconds.
@@ -49,15 +54,18 @@ pub struct FeedOptions {
     moves_listener: bool,
 
     /// The step of the simulation whose contacts are told, in seconds
-    #[arg(long, value_name = "SECONDS", default_value = "0.016666666666666666", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", default_value = "0.016666666666666666", value_parser = seconds,
+          requires = "feed")]
     step: f64,
 
     /// How far apart two `advance` of the feed may be, in seconds: sound is so much later
-    #[arg(long, value_name = "SECONDS", default_value = "0.05", value_parser = seconds)]
+    #[cfg(feature = "device")]
+    #[arg(long, value_name = "SECONDS", default_value = "0.05", value_parser = seconds, requires = "feed",
+          conflicts_with = "output")]
     ahead: f64,
 
     /// Behind the end of the feed go on until all is silent, but no longer than this, in seconds
-    #[arg(long, value_name = "SECONDS", default_value = "3", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", default_value = "3", value_parser = seconds, requires = "feed")]
     rest: f64,
 
     /// Write a file instead of playing, as fast as can be
@@ -65,7 +73,7 @@ pub struct FeedOptions {
     output: Option<PathBuf>,
 
     /// The file's sample format: 16 (dithered), 24 or 32f bits; 32f only of WAV
-    #[arg(long, value_name = "BITS", default_value = "24", value_parser = sample_format)]
+    #[arg(long, value_name = "BITS", default_value = "24", value_parser = sample_format, requires = "output")]
     format: SampleFormat,
 }
 
@@ -90,23 +98,41 @@ struct Feed {
     name: PathBuf,
     lines: Lines<Box<dyn BufRead + Send>>,
     opening: Vec<Read>,
-    /// Lines that were left out.
+    moves_listener: bool,
+    /// Lines that were left out, and those of them that were too far ahead.
     faults: u64,
+    leaps: u64,
+    met: Met,
+}
+
+/// An object that is told to move, and the line that says so first.
+struct Moved<'a> {
+    name: &'a str,
+    has_mesh: bool,
+    place: Option<&'a Place>,
 }
 
 impl Feed {
-    fn open(path: &Path) -> Result<Self> {
+    fn open(path: &Path, options: &FeedOptions) -> Result<Self> {
         let (name, reader): (_, Box<dyn BufRead + Send>) = if path == Path::new("-") {
             (Path::new("<stdin>"), Box::new(BufReader::new(std::io::stdin())))
         } else {
             let file = File::open(path).map_err(|fault| Error::io("open", path, fault))?;
             (path, Box::new(BufReader::new(file)))
         };
-        let (lines, opening) = (Lines::new(reader, name), Vec::new());
-        let mut feed = Self { name: name.to_owned(), lines, opening, faults: 0 };
+        let mut feed = Self {
+            name: name.to_owned(),
+            lines: Lines::new(reader, name),
+            opening: Vec::new(),
+            moves_listener: options.moves_listener,
+            faults: 0,
+            leaps: 0,
+            met: Met::default(),
+        };
         while feed.opening.len() < MOST_OPENING {
             let Some(read) = feed.read() else { break };
             let goes_on = matches!(read.1, Ok(Line::Advance(_)));
+            feed.moves_listener |= matches!(read.1, Ok(Line::Listener { .. }));
             feed.opening.push(read);
             if goes_on {
                 break;
@@ -120,35 +146,73 @@ impl Feed {
         Some((self.lines.place(), line))
     }
 
+    /// The objects that are told to move, each once.
+    fn movers<'a>(&'a self, play: &'a Play, scene: &Scene) -> Vec<Moved<'a>> {
+        let told = self.opening.iter().filter_map(|(place, line)| match line {
+            Ok(Line::Object { name, .. }) => Some(Moved { name, has_mesh: false, place: Some(place) }),
+            Ok(Line::Mesh { name, .. }) => Some(Moved { name, has_mesh: true, place: Some(place) }),
+            _ => None,
+        });
+        // What the scene does not have is a fault of that line.
+        let told = told.filter(|moved| scene.objects.iter().any(|object| object.name == moved.name));
+        let named = play.feed.moves.iter().map(|name| Moved { name, has_mesh: false, place: None });
+        let mut movers: Vec<Moved<'_>> = told.chain(named).collect();
+        movers.sort_by_key(|moved| (moved.name, !moved.has_mesh));
+        movers.dedup_by_key(|moved| moved.name);
+        movers
+    }
+
     /// How an engine is to run that is told this.
     fn settings(&self, play: &Play, scene: &Scene, rate_hz: u32) -> EngineSettings {
-        let told = self.opening.iter().filter_map(|(_, line)| line.as_ref().ok());
-        // What the scene does not have is a fault of that line.
-        let is_there = |name: &&String| scene.objects.iter().any(|object| object.name == **name);
-        let named = told.clone().filter_map(|line| match line {
-            Line::Object { name, .. } => Some(name).filter(is_there),
-            _ => None,
-        });
-        let meshes = told.clone().filter_map(|line| match line {
-            Line::Mesh { name, .. } => Some(name).filter(is_there),
-            _ => None,
-        });
-        let [movers, meshes] =
-            [named.chain(&play.feed.moves).collect(), meshes.collect()].map(|mut names: Vec<&String>| {
-                names.sort();
-                names.dedup();
-                names.into_iter().cloned().collect::<Vec<_>>()
-            });
+        let (meshes, movers): (Vec<_>, Vec<_>) =
+            self.movers(play, scene).into_iter().partition(|moved| moved.has_mesh);
+        let names = |moved: Vec<Moved<'_>>| moved.iter().map(|moved| moved.name.to_owned()).collect();
         EngineSettings {
             rate_hz,
             contact_step_s: play.feed.step,
+            #[cfg(feature = "device")]
             ahead_s: play.feed.ahead,
-            movers,
-            meshes,
-            moves_listener: play.feed.moves_listener
-                || told.clone().any(|line| matches!(line, Line::Listener { .. })),
+            movers: names(movers),
+            meshes: names(meshes),
+            moves_listener: self.moves_listener,
             ..EngineSettings::default()
         }
+    }
+
+    /// Starts an engine that is told this.
+    ///
+    /// # Errors
+    /// As [`live::start`]; where an object cannot be told what is told of it, its name and the line.
+    fn start(&self, play: &Play, scene: Scene, settings: EngineSettings) -> Result<(Handle, Player)> {
+        let key_step_s = settings.key_step_s;
+        live::start(scene, settings).map_err(|fault| self.blamed(play, key_step_s).unwrap_or(fault))
+    }
+
+    /// Why an engine cannot be started, if it is for an object that is told to move.
+    fn blamed(&self, play: &Play, key_step_s: f64) -> Option<Error> {
+        let scene = play.scene.open().ok()?;
+        let mut world = World::open(&scene).ok()?;
+        self.movers(play, &scene).into_iter().find_map(|Moved { name, has_mesh, place }| {
+            let index = scene.objects.iter().position(|object| object.name == name)?;
+            let why = world.feed_object(index, key_step_s, has_mesh).err()?;
+            let fault = Error::new(format!("object `{name}`: {why}")).because(why);
+            Some(match place {
+                Some(place) => fault.in_file(&self.name).at(place.clone()),
+                None => fault,
+            })
+        })
+    }
+
+    /// What is to be done about a line that tells of what does not move.
+    fn help(&self, line: &Line, handle: &Handle) -> Option<String> {
+        let otherwise = match line {
+            Line::Object { name, .. } if handle.object(name).is_none() => ", or named by `--moves`",
+            Line::Mesh { name, .. } if handle.object(name).is_none() => "",
+            Line::Listener { .. } if !self.moves_listener => ", or said by `--moves-listener`",
+            _ => return None,
+        };
+        let opening = format!("within the first {MOST_OPENING} lines and before the first `advance`");
+        Some(format!("what moves is told {opening}{otherwise}"))
     }
 
     fn fault(&mut self, fault: &Error) {
@@ -159,6 +223,47 @@ impl Feed {
             _ => {}
         }
     }
+}
+
+/// Faults that an engine has met and goes on after: the first of each kind is told, and all are counted.
+#[derive(Default)]
+struct Met {
+    told: BTreeSet<String>,
+    count: u64,
+    last: Option<Error>,
+}
+
+impl Met {
+    /// Looks whether an engine has met one. It keeps no more than one until somebody looks.
+    fn look(&mut self, handle: &mut Handle) {
+        if let Some(fault) = handle.take_fault() {
+            self.fault(fault);
+        }
+    }
+
+    fn fault(&mut self, fault: Error) {
+        self.count += 1;
+        let text = fault.to_string();
+        if (self.told.len() as u64) < MOST_FAULTS && !self.told.contains(&text) {
+            eprintln!("froufrou: {text}");
+            self.told.insert(text);
+        }
+        self.last = Some(fault);
+    }
+}
+
+/// Why nothing can happen at a time after another, if it cannot.
+fn leap(from_s: f64, to_s: f64) -> Option<Error> {
+    let help = "times are seconds since what happens began";
+    if to_s > LATEST_S {
+        let what = format!("{to_s} s is too late, {LATEST_S} s is the latest");
+        return Some(Error::new(what).help(help));
+    }
+    (to_s - from_s > LONGEST_LEAP_S).then(|| {
+        let what =
+            format!("{to_s} s is more than {LONGEST_LEAP_S} s ahead of the last `advance`, at {from_s} s");
+        Error::new(what).help(help)
+    })
 }
 
 /// Who hears it.
@@ -180,9 +285,10 @@ trait Ear {
 fn go_on(
     handle: &mut Handle,
     ear: &mut impl Ear,
+    met: &mut Met,
     [from_s, contact_s, to_s]: [f64; 3],
 ) -> Result<Option<Refused>> {
-    let steps = ((to_s - from_s) / LONGEST_STEP_S).ceil().clamp(1.0, 1e9) as u64;
+    let steps = ((to_s - from_s) / LONGEST_STEP_S).ceil().max(1.0) as u64;
     let between =
         (1..steps).map(|n| from_s + n as f64 * LONGEST_STEP_S).filter(|time_s| *time_s >= contact_s);
     for time_s in between.chain([to_s]) {
@@ -191,6 +297,7 @@ fn go_on(
             return Ok(Some(why));
         }
         ear.hear(handle)?;
+        met.look(handle);
         if !handle.is_running() {
             break;
         }
@@ -205,8 +312,11 @@ fn tell(mut feed: Feed, handle: &mut Handle, ear: &mut impl Ear, rest_s: f64, ra
     while handle.is_running() {
         let Some((place, line)) = opening.next().or_else(|| feed.read()) else { break };
         ear.make_room(handle)?;
+        let leap = line.as_ref().ok().and_then(|line| leap(time_s, line.time_s()));
+        feed.leaps += u64::from(leap.is_some());
         let fault = match &line {
-            Ok(Line::Advance(to_s)) => match go_on(handle, ear, [time_s, contact_s, *to_s])? {
+            Ok(_) if leap.is_some() => leap,
+            Ok(Line::Advance(to_s)) => match go_on(handle, ear, &mut feed.met, [time_s, contact_s, *to_s])? {
                 Some(why) => Some(why.fault()),
                 None => {
                     time_s = *to_s;
@@ -221,13 +331,17 @@ fn tell(mut feed: Feed, handle: &mut Handle, ear: &mut impl Ear, rest_s: f64, ra
                     }
                     None
                 }
-                Err(fault) => Some(fault),
+                Err(fault) => Some(match feed.help(line, handle) {
+                    Some(help) => fault.help(help),
+                    None => fault,
+                }),
             },
             Err(_) => line.err(),
         };
         if let Some(fault) = fault {
             feed.fault(&fault.in_file(feed.name.clone()).at(place));
         }
+        feed.met.look(handle);
     }
     if time_s < told_s {
         eprintln!("froufrou: the feed ends {:.3} s behind its last `advance`", told_s - time_s);
@@ -236,7 +350,7 @@ fn tell(mut feed: Feed, handle: &mut Handle, ear: &mut impl Ear, rest_s: f64, ra
     let end_s = told_s.max(time_s);
     let (mut now_s, mut loud_s) = (end_s, end_s);
     while handle.is_running() {
-        if let Some(why) = go_on(handle, ear, [now_s - REST_STEP_S, contact_s, now_s])? {
+        if let Some(why) = go_on(handle, ear, &mut feed.met, [now_s - REST_STEP_S, contact_s, now_s])? {
             return Err(why.fault());
         }
         let statistics = handle.statistics();
@@ -249,18 +363,16 @@ fn tell(mut feed: Feed, handle: &mut Handle, ear: &mut impl Ear, rest_s: f64, ra
         }
         now_s += REST_STEP_S;
     }
-    match handle.take_fault() {
-        Some(fault) if !handle.is_running() => Err(fault),
-        Some(fault) => {
-            eprintln!("froufrou: {fault}");
-            Ok(feed)
-        }
-        None => Ok(feed),
+    // What ends an engine is the last that it tells.
+    if !handle.is_running() {
+        let last = handle.take_fault().or(feed.met.last);
+        return Err(last.unwrap_or_else(|| Error::new("what plays has failed")));
     }
+    Ok(feed)
 }
 
-/// What was left out, and what the audio thread says.
-fn report(feed: &Feed, handle: &Handle, rate_hz: f64) {
+/// Says what was left out, and which faults there were.
+fn report(feed: &Feed, handle: &Handle) {
     let Left { not_finite, earlier, full, unknown, ahead } = handle.left_out();
     let reasons = [
         (not_finite, "with numbers that are none"),
@@ -268,6 +380,7 @@ fn report(feed: &Feed, handle: &Handle, rate_hz: f64) {
         (full, "for which there was no room"),
         (unknown, "of what is not there"),
         (ahead, "more than a second ahead of the last `advance`"),
+        (feed.leaps, "at times that cannot be"),
     ];
     if feed.faults > 0 {
         let counted: u64 = reasons.iter().map(|(count, _)| count).sum();
@@ -276,12 +389,10 @@ fn report(feed: &Feed, handle: &Handle, rate_hz: f64) {
         let all: Vec<String> = all.map(|(count, why)| format!("{count} {why}")).collect();
         eprintln!("{} lines were left out: {}", feed.faults, all.join(", "));
     }
-    let statistics = handle.statistics();
-    if statistics.skipped_frames > 0 {
-        let skipped_s = statistics.skipped_frames as f64 / rate_hz;
-        eprintln!("{skipped_s:.2} s were left out, because they were told faster than time passes");
+    let Met { told, count, .. } = &feed.met;
+    if *count > told.len() as u64 {
+        eprintln!("at least {count} faults while it sounded, of which the first of each kind was told");
     }
-    super::report(&statistics, rate_hz);
 }
 
 /// A file that is written as fast as can be.
@@ -332,11 +443,11 @@ impl Ear for Writing {
 /// A scene, feed or file that cannot be.
 pub fn to_file(play: &Play, input: &Path, output: &Path) -> Result<()> {
     let container = Container::of(output)?;
-    let feed = Feed::open(input)?;
+    let feed = Feed::open(input, &play.feed)?;
     let scene = play.scene.open()?;
     let (rate_hz, seed) = (play.rate.unwrap_or(scene.rate_hz), scene.seed);
     let settings = Capture::unhurried(feed.settings(play, &scene, rate_hz));
-    let (mut handle, player) = live::start(scene, settings)?;
+    let (mut handle, player) = feed.start(play, scene, settings)?;
     let channels = player.channels();
     let format = SoundFormat { rate_hz, channels, samples: play.feed.format, seed, first_frame: 0 };
     let writer = SoundWriter::create(container, output, format, Labels::default())?;
@@ -344,7 +455,8 @@ pub fn to_file(play: &Play, input: &Path, output: &Path) -> Result<()> {
     let mut ear = Writing { capture: Capture::new(player), writer, last: Vec::new(), kept };
     let feed = tell(feed, &mut handle, &mut ear, play.feed.rest, f64::from(rate_hz))?;
     ear.finish()?;
-    report(&feed, &handle, f64::from(rate_hz));
+    report(&feed, &handle);
+    super::report_limited(&handle.statistics());
     Ok(())
 }
 
@@ -355,7 +467,7 @@ pub use at_device::on_device;
 mod at_device {
     use std::time::{Duration, Instant};
 
-    use froufrou::render::live::{Player, deck};
+    use froufrou::render::live::deck;
 
     use super::super::device::Output;
     use super::super::speaker::{LAST, LOOK_FOR_DEVICE, Speaker};
@@ -403,7 +515,7 @@ mod at_device {
             let scene = play.scene.open()?;
             let asked_hz = rate_hz.unwrap_or(scene.rate_hz);
             let settings = feed.settings(play, &scene, asked_hz);
-            let (handle, player) = live::start(scene, settings)?;
+            let (handle, player) = feed.start(play, scene, settings)?;
             let options = &play.device;
             let output = Output::find(options.device.clone(), player.channels(), asked_hz, options.block)?;
             if output.rate_hz() == asked_hz {
@@ -418,7 +530,7 @@ mod at_device {
     /// # Errors
     /// A scene, feed or device that cannot be.
     pub fn on_device(play: &Play, input: &Path) -> Result<()> {
-        let feed = Feed::open(input)?;
+        let feed = Feed::open(input, &play.feed)?;
         let (mut handle, player, output) = start(play, &feed)?;
         let (rate_hz, channels) = (f64::from(output.rate_hz()), player.channels());
         eprintln!("{}, {rate_hz} Hz, {channels} channels", output.name());
@@ -452,10 +564,31 @@ mod at_device {
         let hiccups = speaker.hiccups();
         drop(speaker);
         let Ok((feed, handle)) = told.join() else { return Err(Error::new("playing has failed")) };
-        report(&feed?, &handle, rate_hz);
+        report(&feed?, &handle);
+        let statistics = handle.statistics();
+        if statistics.skipped_frames > 0 {
+            let skipped_s = statistics.skipped_frames as f64 / rate_hz;
+            eprintln!("{skipped_s:.2} s were left out, because they were told faster than time passes");
+        }
+        super::super::report(&statistics, rate_hz);
         if hiccups > 0 {
             eprintln!("{hiccups} times the device had nothing to play in time");
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_each_kind_of_fault_the_first_is_told_and_no_more_than_a_few() {
+        let mut met = Met::default();
+        for n in 0..1000u64 {
+            met.fault(Error::new(format!("kind {}", n % 40)));
+        }
+        assert_eq!((met.count, met.told.len() as u64), (1000, MOST_FAULTS));
+        assert!(met.told.contains("kind 0") && met.last.is_some_and(|last| last.to_string() == "kind 39"));
     }
 }

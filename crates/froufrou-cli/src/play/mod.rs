@@ -16,21 +16,36 @@ use froufrou::{Error, Result};
 
 use crate::render::SceneOptions;
 
-/// Play a scene through the sound device, or as another program tells what happens
-#[derive(Args)]
-#[command(after_help = "\
+#[cfg(feature = "device")]
+const ABOUT: &str = "Play a scene through the sound device, or as another program tells what happens";
+#[cfg(feature = "device")]
+const AFTER_HELP: &str = "\
 Keys: space pauses, ← and → seek by 5 s, 0 goes to the beginning, l loops, r loads again, q ends.
 The scene is loaded again when it or a script beside it is saved. With --feed there are no keys.
 
 Examples:
   froufrou play scene.toml --from 12 --loop
   my-game | froufrou play scene.toml --feed -
-  froufrou play scene.toml --feed happened.jsonl --output out.wav")]
+  froufrou play scene.toml --feed happened.jsonl --output out.wav";
+
+#[cfg(not(feature = "device"))]
+const ABOUT: &str = "Write a file of a scene as another program tells what happens";
+#[cfg(not(feature = "device"))]
+const AFTER_HELP: &str = "\
+This froufrou plays to no sound device; one that is built with `--features device` does.
+
+Examples:
+  my-game | froufrou play scene.toml --feed - --output out.wav
+  froufrou play scene.toml --feed happened.jsonl --output out.wav";
+
+/// The command `froufrou play`
+#[derive(Args)]
+#[command(about = ABOUT, after_help = AFTER_HELP)]
 pub struct Play {
     #[command(flatten)]
     scene: SceneOptions,
 
-    /// Frames a second, if the device can; else the scene's, or what the device prefers
+    /// Frames a second, instead of the scene's; where a device cannot, those that it prefers
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(8_000..=192_000))]
     rate: Option<u32>,
 
@@ -114,7 +129,8 @@ impl Play {
     }
 }
 
-/// Says what the audio thread has to say for itself.
+/// Says what the audio thread of a device has to say for itself.
+#[cfg(feature = "device")]
 fn report(statistics: &Statistics, rate_hz: f64) {
     let seconds = |frames: u64| frames as f64 / rate_hz;
     if statistics.held > 0 {
@@ -125,6 +141,11 @@ fn report(statistics: &Statistics, rate_hz: f64) {
         let (slow, most) = (statistics.late_blocks, statistics.peak_load);
         eprintln!("{slow} blocks took longer than they sound, the slowest {most:.1} times as long");
     }
+    report_limited(statistics);
+}
+
+/// Says what was too loud.
+fn report_limited(statistics: &Statistics) {
     if statistics.limited_frames > 0 {
         eprintln!("{} frames were beyond full scale, and made softer", statistics.limited_frames);
     }

@@ -72,6 +72,9 @@ pub struct Session {
     pub position: std::sync::Arc<Position>,
 }
 
+/// A scene that is being opened meanwhile.
+type Loading = JoinHandle<Result<Production>>;
+
 /// Why a scene is played no more.
 enum End {
     Stopped(Statistics),
@@ -79,17 +82,26 @@ enum End {
 }
 
 impl Session {
-    /// Plays until it is over or told to stop; gives what has happened on the audio thread of the last player.
+    /// Plays until it is over or told to stop; gives what has happened on the audio thread of the last player. Where what it
+    /// was changed into cannot be played, to its end or at all, it goes on with what it was before.
     ///
     /// # Errors
     /// A scene that cannot be played.
-    pub fn run(mut self, mut production: Production) -> Result<Statistics> {
+    pub fn run(mut self, production: Production) -> Result<Statistics> {
+        let (mut playing, mut before) = (Box::new(production), None);
+        let mut loading = None;
         loop {
-            self.say(Said::Loaded(production.channel_header().duration_s));
-            match self.play(&production)? {
-                End::Stopped(statistics) => return Ok(statistics),
-                End::Changed(changed) => production = *changed,
+            self.say(Said::Loaded(playing.channel_header().duration_s));
+            match (self.play(&playing, &mut loading), before.take()) {
+                (Ok(End::Stopped(statistics)), _) => return Ok(statistics),
+                (Ok(End::Changed(changed)), _) => before = Some(std::mem::replace(&mut playing, changed)),
+                (Err(fault), Some(former)) => {
+                    self.say(Said::Line(format!("as before: {fault}")));
+                    playing = former;
+                }
+                (Err(fault), None) => return Err(fault),
             }
+            self.from_s = self.position.get();
         }
     }
 
@@ -99,16 +111,14 @@ impl Session {
     }
 
     /// Plays one state of the scene.
-    fn play(&mut self, production: &Production) -> Result<End> {
-        let mut loading: Option<JoinHandle<Result<Production>>> = None;
+    fn play(&mut self, production: &Production, loading: &mut Option<Loading>) -> Result<End> {
         loop {
             let (mut supply, player) = self.begin(production)?;
-            let mut changer = self.changer.lock().map_err(|_| Error::new("what plays has failed"))?;
-            if changer.play(player).is_err() {
-                return Err(Error::new("it has other channels than before").help("start again"));
-            }
-            drop(changer);
+            let mut waiting = Some(player);
             'played: loop {
+                if let Some(player) = waiting.take() {
+                    waiting = self.hand_over(player)?;
+                }
                 supply.go_on()?;
                 supply.take_begun();
                 let statistics = supply.statistics();
@@ -130,7 +140,7 @@ impl Session {
                         }
                         Order::Reload => {
                             let scene = self.scene.clone();
-                            loading = Some(std::thread::spawn(move || Production::open(scene.open()?)));
+                            *loading = Some(std::thread::spawn(move || Production::open(scene.open()?)));
                         }
                     }
                 }
@@ -141,10 +151,7 @@ impl Session {
                                 "its layout has changed: start again to hear it so".to_owned(),
                             ));
                         }
-                        Ok(changed) => {
-                            self.from_s = self.position.get();
-                            return Ok(End::Changed(Box::new(changed)));
-                        }
+                        Ok(changed) => return Ok(End::Changed(Box::new(changed))),
                         Err(fault) => self.say(Said::Line(format!("as before: {fault}"))),
                     }
                 }
@@ -154,6 +161,13 @@ impl Session {
                 std::thread::sleep(Duration::from_millis(2));
             }
         }
+    }
+
+    /// Lets a player be played. It comes back where too many wait for that already, such as for a device that is lost; all have
+    /// the same channels.
+    fn hand_over(&self, player: Player) -> Result<Option<Player>> {
+        let mut changer = self.changer.lock().map_err(|_| Error::new("what plays has failed"))?;
+        Ok(changer.play(player).err().map(|player| *player))
     }
 
     /// What plays from the position on.
@@ -230,7 +244,133 @@ fn newest(scene: &Path) -> Option<SystemTime> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::mpsc::channel;
+    use std::sync::{Arc, Mutex};
+
+    use froufrou::render::live::deck::{self, Deck};
+
     use super::*;
+    use crate::render::SceneFile;
+
+    const RATE_HZ: u32 = 48_000;
+    const LOG: &str = "[[contacts]]\nlog = 'log.csv'\nstep = 0.01\n\
+        columns = { t = 't', a = 'a', b = 'b', position = ['x', 'y', 'z'], normal_impulse = 'J' }\n";
+
+    /// A session that plays a tone, and a deck in place of a device.
+    struct Stage {
+        folder: tempfile::TempDir,
+        deck: Deck,
+        orders: Sender<Order>,
+        said: Receiver<Said>,
+        position: Arc<Position>,
+        played: JoinHandle<Result<Statistics>>,
+    }
+
+    impl Stage {
+        fn new() -> Self {
+            let folder = tempfile::tempdir().unwrap();
+            std::fs::write(folder.path().join("tone.rhai"), "play(sine(440.0) * 0.3);\n").unwrap();
+            std::fs::write(folder.path().join("log.csv"), "t,a,b,x,y,z,J\n0.01,a,b,0,0,0,1\n0.9,a,b,none\n")
+                .unwrap();
+            let path = folder.path().join("scene.toml");
+            save(&path, "duration = 60", "");
+            let (orders, to_do) = channel();
+            let (to_say, said) = channel();
+            let (deck, changer) = deck::new(1);
+            let position = Arc::new(Position::default());
+            let session = Session {
+                scene: SceneOptions {
+                    file: SceneFile { path, allow_outside: false },
+                    seed: None,
+                    layout: None,
+                },
+                rate_hz: RATE_HZ,
+                from_s: 0.0,
+                is_looped: false,
+                changer: Arc::new(Mutex::new(changer)),
+                orders: to_do,
+                said: to_say,
+                position: position.clone(),
+            };
+            let production = Production::open(session.scene.open().unwrap()).unwrap();
+            let played = std::thread::spawn(move || session.run(production));
+            Self { folder, deck, orders, said, position, played }
+        }
+
+        fn save(&self, duration: &str, more: &str) {
+            save(&self.folder.path().join("scene.toml"), duration, more);
+            self.orders.send(Order::Reload).unwrap();
+        }
+
+        /// Plays on until something is so of the lines that are said meanwhile, of the position and of the loudest sample of a
+        /// block.
+        fn until(&mut self, is_heard: bool, mut is_so: impl FnMut(&[String], f64, f32) -> bool) {
+            let (mut block, mut lines) = ([0.0f32; 256], Vec::new());
+            for _ in 0..30_000 {
+                if is_heard {
+                    self.deck.fill(&mut block);
+                }
+                lines.extend(self.said.try_iter().filter_map(|said| match said {
+                    Said::Line(line) => Some(line),
+                    Said::Loaded(_) => None,
+                }));
+                let peak = block.iter().fold(0.0, |peak, sample: &f32| sample.abs().max(peak));
+                if is_so(&lines, self.position.get(), peak) {
+                    return;
+                }
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            panic!("it never is, at {} s; {lines:?}", self.position.get());
+        }
+    }
+
+    fn save(path: &Path, duration: &str, more: &str) {
+        let scene = "[listener]\nposition = [0, 0, 1]\nlayout = 'mono'\n\
+            [instrument]\ntone = { kind = 'procedure', script = 'tone.rhai' }\n\
+            [[object]]\nname = 'tone'\nposition = [0, 0, 0]\nsound = { instrument = 'tone' }\n";
+        std::fs::write(path, format!("{duration}\n{scene}{more}")).unwrap();
+    }
+
+    #[test]
+    fn a_change_that_cannot_be_played_leaves_it_as_before() {
+        let mut stage = Stage::new();
+        stage.until(true, |_, _, peak| peak > 0.1);
+        // It opens, but does not say when it ends; it breaks off in a log; it does not open.
+        for (duration, more, fault) in [
+            ("", "", "duration"),
+            ("duration = 60", LOG, "log.csv:3"),
+            ("duration = 'long'", "", "scene.toml:1"),
+        ] {
+            stage.save(duration, more);
+            stage.until(true, |lines, _, _| {
+                lines.iter().any(|line| line.starts_with("as before: ") && line.contains(fault))
+            });
+            let before_s = stage.position.get();
+            stage.until(true, |_, position_s, peak| peak > 0.1 && position_s > before_s + 0.5);
+        }
+        // What can be is played.
+        stage.save("duration = 3", "");
+        let played = &stage.played;
+        let mut block = [0.0; 256];
+        while !played.is_finished() {
+            stage.deck.fill(&mut block);
+            std::thread::sleep(Duration::from_micros(500));
+        }
+        let statistics = stage.played.join().unwrap().unwrap();
+        assert!(statistics.played_frame < 4 * u64::from(RATE_HZ), "{statistics:?}");
+    }
+
+    #[test]
+    fn what_is_wanted_last_is_played_once_a_device_is_there() {
+        let mut stage = Stage::new();
+        for second in 1..=20 {
+            stage.orders.send(Order::Seek(f64::from(second))).unwrap();
+            stage.until(false, |_, position_s, _| (position_s - f64::from(second)).abs() < 0.01);
+        }
+        stage.until(true, |_, position_s, peak| peak > 0.1 && position_s > 20.5);
+        stage.orders.send(Order::Stop).unwrap();
+        stage.played.join().unwrap().unwrap();
+    }
 
     #[test]
     fn saving_the_scene_or_a_script_is_seen_once() {
