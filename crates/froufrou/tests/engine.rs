@@ -272,7 +272,7 @@ fn what_is_close_by_is_the_same_in_whatever_slices_it_is_made() {
     let strikes = |handle: &mut Handle, frame: u32| {
         let time_s = f64::from(frame) * FRAME_S;
         let bodies = ["block", "table"].map(|name| handle.body(name).unwrap());
-        if frame % 3 == 0 {
+        if frame.is_multiple_of(3) {
             let hits = row(time_s, 0.1, Push::Impulse(0.3), None);
             let at_s = Some(time_s - 0.000_37 * f64::from(frame % 40));
             handle.touch(bodies, &Touch { row: hits, states: [None; 2], at_s }).unwrap();

@@ -269,13 +269,13 @@ fn leap(from_s: f64, to_s: f64) -> Option<Error> {
 /// Who hears it.
 trait Ear {
     /// Waits until a handle has room for a line, where whoever tells can wait.
-    fn make_room(&mut self, handle: &Handle) -> Result<()>;
+    fn make_room(&mut self, handle: &mut Handle) -> Result<()>;
 
     /// Waits until time is to go on to this, in seconds, where whoever tells can wait.
     fn await_time(&mut self, handle: &Handle, time_s: f64);
 
     /// Hears what there is.
-    fn hear(&mut self, handle: &Handle) -> Result<()>;
+    fn hear(&mut self, handle: &mut Handle) -> Result<()>;
 
     /// Nobody tells any more: from now on there is time to wait.
     fn calm_down(&mut self);
@@ -417,7 +417,7 @@ impl Writing {
 }
 
 impl Ear for Writing {
-    fn make_room(&mut self, handle: &Handle) -> Result<()> {
+    fn make_room(&mut self, handle: &mut Handle) -> Result<()> {
         if handle.room() < ROOM { self.hear(handle) } else { Ok(()) }
     }
 
@@ -425,7 +425,7 @@ impl Ear for Writing {
 
     fn calm_down(&mut self) {}
 
-    fn hear(&mut self, handle: &Handle) -> Result<()> {
+    fn hear(&mut self, handle: &mut Handle) -> Result<()> {
         let Self { capture, writer, last, kept } = self;
         capture.take(handle, |frames| {
             last.extend_from_slice(frames);
@@ -485,7 +485,7 @@ mod at_device {
     }
 
     impl Ear for Listening {
-        fn make_room(&mut self, handle: &Handle) -> Result<()> {
+        fn make_room(&mut self, handle: &mut Handle) -> Result<()> {
             while self.waits && handle.room() < ROOM && handle.is_running() {
                 std::thread::sleep(NAP);
             }
@@ -499,7 +499,7 @@ mod at_device {
             }
         }
 
-        fn hear(&mut self, _: &Handle) -> Result<()> {
+        fn hear(&mut self, _: &mut Handle) -> Result<()> {
             Ok(())
         }
 

@@ -168,12 +168,12 @@ fn dot_rows<S: Simd, const ROWS: usize>(simd: S, input: &[f32], rows: &[f32], we
     let taps: [&[S::f32s]; ROWS] = std::array::from_fn(|row| {
         &S::as_simd_f32s(&rows[row * input.len()..(row + 1) * input.len()]).0[..x.len()]
     });
-    for n in 0..x.len() / vectors {
+    for (n, x) in x.chunks_exact(vectors).enumerate() {
         for (sums, taps) in sums.iter_mut().zip(taps) {
-            for v in 0..vectors {
+            let taps = &taps[n * vectors..][..vectors];
+            for ((sum, x), tap) in sums.iter_mut().zip(x).zip(taps) {
                 // Not fused: a fused multiply-add rounds otherwise, and not every machine has it.
-                let at = n * vectors + v;
-                sums[v] = simd.add_f32s(sums[v], simd.mul_f32s(x[at], taps[at]));
+                *sum = simd.add_f32s(*sum, simd.mul_f32s(*x, *tap));
             }
         }
     }

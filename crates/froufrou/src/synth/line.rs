@@ -73,7 +73,7 @@ impl Samples<'_> {
     /// What lies at one position.
     fn on_line(&self, position: f64) -> f32 {
         let whole = position.floor();
-        if !(whole.abs() < FARTHEST) {
+        if whole.is_nan() || whole.abs() >= FARTHEST {
             return 0.0;
         }
         let [from, to] = [0, 1].map(|next| self.at(whole as i64 + next));
