@@ -107,19 +107,17 @@ impl Regions {
     fn at(&mut self, time_s: f64, mesh: &Mesh) -> Result<Option<Partition>> {
         self.torn.clear();
         while let Some((line, mut next)) = self.next.take_if(|(_, next)| next.time_s <= time_s + EARLY_S) {
-            self.check(line, &next, mesh)?;
-            self.torn.append(&mut next.torn);
+            // What lies between two frames may be of a mesh that is never seen: it tells nothing of this one.
+            if next.check(mesh).is_ok() {
+                self.torn.append(&mut next.torn);
+            }
             self.now = Some((line, next));
             self.next = Self::read(&mut self.reader)?;
         }
         let Some((line, now)) = &self.now else { return Ok(None) };
-        self.check(*line, now, mesh)?;
+        let place = Place::Line { line: *line, column: 0 };
+        now.check(mesh).map_err(|fault| fault.in_file(self.file.clone()).at(place))?;
         Ok(Some(Partition { torn: self.torn.clone(), ..now.clone() }))
-    }
-
-    fn check(&self, line: usize, partition: &Partition, mesh: &Mesh) -> Result<()> {
-        let place = Place::Line { line, column: 0 };
-        partition.check(mesh).map_err(|fault| fault.in_file(self.file.clone()).at(place))
     }
 }
 
@@ -245,7 +243,8 @@ pub(crate) fn told(scene: &Scene, with_meshes: Vec<WithMesh<'_>>) -> Result<Opti
     for WithMesh { name, carrier, material } in with_meshes {
         let paper = material.and_then(|material| material.paper.as_ref());
         let regions = paper.and_then(|paper| Some(paper.regions.as_ref()?.path.clone()));
-        let force = paper.and_then(|paper| paper.force.clone());
+        // What is told has no file that knows forces.
+        let force = paper.and_then(|paper| paper.force.clone()).filter(|_| !carrier.is_fed());
         bodies.push(Body { name: name.to_owned(), paper: paper.map(settings), regions, force, carrier });
     }
     let any = bodies.iter().any(|body| body.paper.is_some());
