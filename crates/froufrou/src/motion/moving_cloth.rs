@@ -99,6 +99,11 @@ impl MovingCloth {
         self.0.frame(time_s)
     }
 
+    /// No frame is to come: what was not settled is told.
+    pub(crate) fn finish(&mut self) {
+        self.0.analyser.finish();
+    }
+
     /// What happened in those frames, as far as it is known.
     pub(crate) fn event(&mut self) -> Option<Event> {
         loop {
@@ -200,7 +205,9 @@ fn cloths_among(
     for WithMesh { name, carrier, material } in with_meshes {
         let cloth = material.and_then(|material| material.cloth.as_ref());
         if others || cloth.is_some() {
-            let force = cloth.and_then(|cloth| cloth.force.as_ref()).filter(|_| others);
+            // What is told has no file that knows forces.
+            let is_known = others && !carrier.is_fed();
+            let force = cloth.and_then(|cloth| cloth.force.as_ref()).filter(|_| is_known);
             forces.extend(force.map(|force| (bodies.len() as u32, force)));
             let cloth = cloth.map(&settings);
             bodies.push((Participant { name: name.to_owned(), cloth }, carrier));
