@@ -168,6 +168,94 @@ fn cloth_and_paper_go_on_while_other_things_come_and_go() {
     assert_eq!(distance(&sound(true), &expected), 0.0);
 }
 
+/// Nothing that moves, far away from all else.
+fn tell_still(handle: &mut Handle, name: &str, time_s: f64) {
+    let mesh = handle.object(name).unwrap();
+    handle.mesh(mesh, time_s, &vertices(0.0, |_, [x, z]| [x + 50.0, 3.0, z])).unwrap();
+}
+
+#[test]
+fn cloth_and_paper_go_on_while_others_come_and_go() {
+    let studio = Studio::new();
+    let materials = LINEN.to_owned() + PAPER;
+    let sound = |disturbed: bool| {
+        studio::replayed(scene(&studio, &materials), settings(&["sheet", "letter"]), |handle| {
+            for frame in 1..=90u32 {
+                let time_s = f64::from(frame) / 60.0;
+                crumple(handle, time_s);
+                // Two that live for some frames, now of cloth and now of paper; the next has another name.
+                for (begin, kind) in [(0, "sheet"), (3, "letter")] {
+                    let (number, age) = ((frame + begin) / 7, (frame + begin) % 7);
+                    let name = format!("{kind} {number}");
+                    match age {
+                        _ if !disturbed || number == 0 => continue,
+                        0 => drop(handle.appear(kind, &name, time_s, FedPose::at([0.0; 3])).unwrap()),
+                        3 => handle.material(&name, "paper", time_s).unwrap(),
+                        4 => handle.material(&name, "oak", time_s).unwrap(),
+                        5 => handle.material(&name, "linen", time_s).unwrap(),
+                        _ => {}
+                    }
+                    match age {
+                        6 => handle.vanish(&name, time_s).unwrap(),
+                        _ => tell_still(handle, &name, time_s),
+                    }
+                }
+                drag(handle, time_s);
+                handle.advance(time_s).unwrap();
+            }
+        })
+    };
+    let expected = sound(false);
+    assert!(power(&expected, 0.5, 1.5) > 1e-12);
+    assert_eq!(distance(&sound(true), &expected), 0.0);
+}
+
+/// Whoever is there or was there before: what appears is looked at as if it was alone.
+#[test]
+fn what_joins_others_sounds_as_it_does_alone() {
+    let studio = Studio::new();
+    let materials = LINEN.to_owned() + PAPER;
+    for (kind, place) in [("sheet", linen as fn(f64, [f64; 2]) -> [f64; 3]), ("letter", letter)] {
+        let sound = |others: bool| {
+            studio::replayed(scene(&studio, &materials), settings(&["sheet", "letter"]), |handle| {
+                for frame in 1..=90u32 {
+                    let time_s = f64::from(frame) / 60.0;
+                    // Whoever is there without a mesh that is told takes no part.
+                    let born = match frame {
+                        5 => Some(("sheet", "a")),
+                        20 => Some((kind, "it")),
+                        _ => None,
+                    };
+                    if let Some((kind, name)) = born {
+                        handle.appear(kind, name, time_s, FedPose::at([0.0; 3])).unwrap();
+                    }
+                    match frame {
+                        1 => handle.vanish("bell", time_s).unwrap(),
+                        15 => handle.vanish("a", time_s).unwrap(),
+                        _ => {}
+                    }
+                    let told = ["sheet", "letter", "a"].iter().take(if others { 3 } else { 0 });
+                    for name in told.filter(|name| **name != "a" || (5..15).contains(&frame)) {
+                        tell_still(handle, name, time_s);
+                    }
+                    if frame >= 20 {
+                        let it = handle.object("it").unwrap();
+                        handle.mesh(it, time_s, &vertices(time_s, place)).unwrap();
+                    }
+                    if frame == 1 && !others {
+                        let _ = ["sheet", "letter"].map(|name| handle.vanish(name, time_s).unwrap());
+                    }
+                    handle.advance(time_s).unwrap();
+                }
+            })
+        };
+        let expected = sound(false);
+        assert_eq!(power(&expected, 0.0, 0.3), 0.0);
+        assert!(power(&expected, 0.5, 1.5) > 1e-12, "{kind}");
+        assert_eq!(distance(&sound(true), &expected), 0.0, "{kind}");
+    }
+}
+
 #[test]
 fn what_could_not_be_looked_at_is_tried_again() {
     let studio = Studio::new();
@@ -197,7 +285,11 @@ fn what_could_not_be_looked_at_is_tried_again() {
         let page = handle.object("letter").unwrap();
         handle.mesh(page, time_s, &flat).unwrap();
         handle.advance(time_s).unwrap();
-        capture.take(&handle, |frames| Ok(sound.extend_from_slice(frames))).unwrap();
+        let each = |frames: &[f32]| {
+            sound.extend_from_slice(frames);
+            Ok(())
+        };
+        capture.take(&handle, each).unwrap();
         faults.extend(handle.take_fault().map(|_| frame));
     }
     assert_eq!(faults, (10..20).collect::<Vec<_>>(), "each frame is tried");

@@ -184,11 +184,10 @@ fn regions_between_frames_may_be_of_other_meshes() {
         regions(at(7), 2, &[]),
     ];
     studio.file("page.jsonl", &said.concat());
-    let text = format!(
-        "duration = 1\n[[microphone]]\nname = 'm'\nposition = [0, 2, 0]\n[material.paper]\npaper = {{ corpus = 'synthetic/printer', regions = 'page.jsonl' }}\n\
-         [[object]]\nname = 'page'\nsource = 'page_*.obj#/*'\nframe_rate = 24\nmaterial = 'paper'\n"
-    );
-    let production = studio.production(&text).unwrap();
+    let text = "duration = 1\n[[microphone]]\nname = 'm'\nposition = [0, 2, 0]\n\
+         [material.paper]\npaper = { corpus = 'synthetic/printer', regions = 'page.jsonl' }\n\
+         [[object]]\nname = 'page'\nsource = 'page_*.obj#/*'\nframe_rate = 24\nmaterial = 'paper'\n";
+    let production = studio.production(text).unwrap();
     let events: Vec<_> = production.events().unwrap().map(|event| event.unwrap()).collect();
     // What is torn between two frames of one mesh is told, though other regions hold by then.
     let torn = events.iter().filter_map(|event| event.tear()).map(|tear| tear.length_m);
