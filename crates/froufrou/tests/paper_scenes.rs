@@ -156,6 +156,49 @@ fn a_simulator_may_say_what_tears() {
     assert!(power(&sound, 0.3, 0.45) > 0.0 && power(&sound, 0.8, 1.0) == 0.0);
 }
 
+/// Only the regions that hold in a frame have to be those of its mesh: what comes between two frames may be of a mesh that
+/// is never seen.
+#[test]
+fn regions_between_frames_may_be_of_other_meshes() {
+    let studio = Studio::new();
+    let cells = [2usize, 3, 2, 2];
+    for (frame, &cells) in cells.iter().enumerate() {
+        studio.sheet("one", cells, (1, 24.0), |_, [x, z]| [x, 1.0, z]);
+        std::fs::rename(studio.path("one.obj"), studio.path(&format!("page_{frame}.obj"))).unwrap();
+    }
+    let regions = |time_s: f64, cells: usize, torn: &[[usize; 2]]| {
+        let faces: Vec<usize> = (0..cells * cells).collect();
+        let regions = serde_json::json!([{ "faces": faces, "kind": "flat" }]);
+        format!("{}\n", serde_json::json!({ "time_s": time_s, "regions": regions, "torn": torn }))
+    };
+    let at = |n: u32| f64::from(n) / 60.0;
+    // Frames are at 0, 2.5, 5 and 7.5 sixtieths.
+    let said = [
+        regions(at(0), 2, &[]),
+        regions(at(1), 4, &[[23, 24]]),
+        regions(at(2), 3, &[]),
+        regions(at(3), 5, &[]),
+        regions(at(4), 6, &[]),
+        regions(at(5), 2, &[]),
+        regions(at(6), 2, &[[3, 4]]),
+        regions(at(7), 2, &[]),
+    ];
+    studio.file("page.jsonl", &said.concat());
+    let text = "duration = 1\n[[microphone]]\nname = 'm'\nposition = [0, 2, 0]\n\
+         [material.paper]\npaper = { corpus = 'synthetic/printer', regions = 'page.jsonl' }\n\
+         [[object]]\nname = 'page'\nsource = 'page_*.obj#/*'\nframe_rate = 24\nmaterial = 'paper'\n";
+    let production = studio.production(text).unwrap();
+    let events: Vec<_> = production.events().unwrap().map(|event| event.unwrap()).collect();
+    // What is torn between two frames of one mesh is told, though other regions hold by then.
+    let torn = events.iter().filter_map(|event| event.tear()).map(|tear| tear.length_m);
+    let torn: Vec<f64> = torn.collect();
+    assert!(torn.len() == 1 && (torn[0] - 0.5).abs() < 1e-6, "{torn:?}");
+    // One that holds and is of another mesh is refused, with its line.
+    studio.file("page.jsonl", &(said[..2].concat() + said[3].as_str()));
+    let fault = production.events().unwrap().find_map(|event| event.err()).expect("refused").to_string();
+    assert!(fault.contains("page.jsonl:2"), "{fault}");
+}
+
 #[test]
 fn along_another_material_it_may_sound_otherwise() {
     let studio = Studio::new();

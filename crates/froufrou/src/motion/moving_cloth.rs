@@ -80,10 +80,14 @@ impl MovingCloth {
     /// Takes how hard a cloth presses from its file, which has a number in newtons, or a vector, for each vertex by a
     /// name. An object that there is not is as if nothing was said.
     pub fn pressed(mut self, object: u32, attribute: &str) -> Self {
+        self.press(object, attribute);
+        self
+    }
+
+    fn press(&mut self, object: u32, attribute: &str) {
         if let Some(carrier) = self.0.carriers.get(object as usize).cloned() {
             self.0.analyser.forces.push(Force { object, attribute: attribute.to_owned(), carrier });
         }
-        self
     }
 
     /// The objects, in the order of their numbers.
@@ -97,6 +101,28 @@ impl MovingCloth {
     /// A mesh that cannot be read, or is none.
     pub(crate) fn frame(&mut self, time_s: f64) -> Result<()> {
         self.0.frame(time_s)
+    }
+
+    /// Something else takes the place of an object, or comes behind the last. Of others nothing is forgotten but that they
+    /// touched it.
+    pub(crate) fn replace(&mut self, object: usize, body: WithMesh<'_>) {
+        let Cloths { analyser, forces, .. } = &mut self.0.analyser;
+        let cloth = cloth_of(&body).map(prompt_settings);
+        analyser.replace(object, Participant { name: body.name.to_owned(), cloth });
+        forces.retain(|force| force.object as usize != object);
+        let force = force_of(&body);
+        self.0.replace(object, body.carrier);
+        force.into_iter().for_each(|force| self.press(object as u32, force));
+    }
+
+    /// Whether there is anything to look at.
+    pub(crate) fn is_any(&self) -> bool {
+        self.participants().iter().any(|participant| participant.cloth.is_some())
+    }
+
+    /// No frame is to come: what was not settled is told.
+    pub(crate) fn finish(&mut self) {
+        self.0.analyser.finish();
     }
 
     /// What happened in those frames, as far as it is known.
@@ -190,6 +216,16 @@ fn cloths_of(
     cloths_among(scene, bodies, others, settings)
 }
 
+/// The cloth that something is of.
+fn cloth_of<'a>(body: &WithMesh<'a>) -> Option<&'a Cloth> {
+    body.material?.cloth.as_ref()
+}
+
+/// What its file calls the force with which it presses. What is told has no file.
+fn force_of<'a>(body: &WithMesh<'a>) -> Option<&'a String> {
+    cloth_of(body).filter(|_| !body.carrier.is_fed())?.force.as_ref()
+}
+
 fn cloths_among(
     scene: &Scene,
     with_meshes: Vec<WithMesh<'_>>,
@@ -197,13 +233,15 @@ fn cloths_among(
     settings: impl Fn(&Cloth) -> ClothSettings,
 ) -> Result<Option<MovingCloth>> {
     let (mut bodies, mut forces) = (Vec::new(), Vec::new());
-    for WithMesh { name, carrier, material } in with_meshes {
-        let cloth = material.and_then(|material| material.cloth.as_ref());
+    for body in with_meshes {
+        let cloth = cloth_of(&body);
         if others || cloth.is_some() {
-            let force = cloth.and_then(|cloth| cloth.force.as_ref()).filter(|_| others);
+            let force = force_of(&body).filter(|_| others);
             forces.extend(force.map(|force| (bodies.len() as u32, force)));
-            let cloth = cloth.map(&settings);
-            bodies.push((Participant { name: name.to_owned(), cloth }, carrier));
+            bodies.push((
+                Participant { name: body.name.to_owned(), cloth: cloth.map(&settings) },
+                body.carrier,
+            ));
         }
     }
     if bodies.iter().all(|(participant, _)| participant.cloth.is_none()) {

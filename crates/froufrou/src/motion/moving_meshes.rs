@@ -1,12 +1,14 @@
 //! Meshes of a scene, fed to an analyser frame by frame.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use crate::scene::Scene;
 use crate::scene::animation::{Mesh, Topology};
 use crate::scene::carrier::Carrier;
+use crate::scene::fed::{Fed, FedPose};
 use crate::scene::file::Material;
 use crate::scene::world::World;
 use crate::{Error, Place, Result};
@@ -88,6 +90,17 @@ impl<A: Analyse> MovingMeshes<A> {
         self.analyser.feed(time_s, &self.meshes)
     }
 
+    /// Another carrier takes the place of that of an object, or comes behind the last.
+    pub fn replace(&mut self, object: usize, carrier: Carrier) {
+        match self.carriers.get_mut(object) {
+            Some(known) => *known = carrier,
+            None => {
+                self.carriers.push(carrier);
+                self.meshes.push(Mesh::default());
+            }
+        }
+    }
+
     /// Feeds the next frame.
     fn step(&mut self) -> Result<()> {
         let Some(time_s) = self.next_s else {
@@ -138,10 +151,19 @@ impl Force {
 }
 
 /// Something in a scene that has a mesh.
+#[derive(Clone)]
 pub(crate) struct WithMesh<'a> {
     pub name: &'a str,
     pub carrier: Carrier,
     pub material: Option<&'a Material>,
+}
+
+impl WithMesh<'_> {
+    /// What is not there: a mesh of nothing, which keeps its number.
+    pub fn nothing() -> Result<Self> {
+        let fed = Fed::with_mesh(FedPose::at([0.0; 3]), Mesh::default())?;
+        Ok(Self { name: "", carrier: Carrier::fed(Arc::new(fed), 1.0), material: None })
+    }
 }
 
 /// Whether any of the meshes is told as it moves: then all are looked at in the frames that are told.

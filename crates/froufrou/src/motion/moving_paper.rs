@@ -107,19 +107,17 @@ impl Regions {
     fn at(&mut self, time_s: f64, mesh: &Mesh) -> Result<Option<Partition>> {
         self.torn.clear();
         while let Some((line, mut next)) = self.next.take_if(|(_, next)| next.time_s <= time_s + EARLY_S) {
-            self.check(line, &next, mesh)?;
-            self.torn.append(&mut next.torn);
+            // What lies between two frames may be of a mesh that is never seen: it tells nothing of this one.
+            if next.check(mesh).is_ok() {
+                self.torn.append(&mut next.torn);
+            }
             self.now = Some((line, next));
             self.next = Self::read(&mut self.reader)?;
         }
         let Some((line, now)) = &self.now else { return Ok(None) };
-        self.check(*line, now, mesh)?;
+        let place = Place::Line { line: *line, column: 0 };
+        now.check(mesh).map_err(|fault| fault.in_file(self.file.clone()).at(place))?;
         Ok(Some(Partition { torn: self.torn.clone(), ..now.clone() }))
-    }
-
-    fn check(&self, line: usize, partition: &Partition, mesh: &Mesh) -> Result<()> {
-        let place = Place::Line { line, column: 0 };
-        partition.check(mesh).map_err(|fault| fault.in_file(self.file.clone()).at(place))
     }
 }
 
@@ -152,6 +150,32 @@ impl MovingPaper {
     /// The objects, in the order of their numbers.
     pub fn participants(&self) -> &[Participant] {
         self.0.analyser.analyser.participants()
+    }
+
+    /// Something else takes the place of an object, or comes behind the last. Of others nothing is forgotten but that they
+    /// touched it.
+    ///
+    /// # Errors
+    /// A file of regions that cannot be read.
+    pub(crate) fn replace(&mut self, object: usize, with_mesh: WithMesh<'_>) -> Result<()> {
+        let Body { name, paper, regions, force, carrier } = body(with_mesh);
+        let regions = regions.as_deref().map(Regions::open).transpose()?;
+        let Sheets { analyser, files, forces, .. } = &mut self.0.analyser;
+        analyser.replace(object, Participant { name, paper });
+        match files.get_mut(object) {
+            Some(known) => *known = regions,
+            None => files.push(regions),
+        }
+        forces.retain(|force| force.object as usize != object);
+        let carrier_of = |attribute| Force { object: object as u32, attribute, carrier: carrier.clone() };
+        forces.extend(force.map(carrier_of));
+        self.0.replace(object, carrier);
+        Ok(())
+    }
+
+    /// Whether there is anything to look at.
+    pub(crate) fn is_any(&self) -> bool {
+        self.participants().iter().any(|participant| participant.paper.is_some())
     }
 
     /// Takes a frame of all meshes as they are at a time, for who does not ask for what is told by their own frames.
@@ -236,18 +260,22 @@ pub fn events(scene: &Scene, world: &World) -> Result<impl Iterator<Item = Resul
     }))
 }
 
+/// How something with a mesh is looked at.
+fn body(with_mesh: WithMesh<'_>) -> Body {
+    let WithMesh { name, carrier, material } = with_mesh;
+    let paper = material.and_then(|material| material.paper.as_ref());
+    let regions = paper.and_then(|paper| Some(paper.regions.as_ref()?.path.clone()));
+    // What is told has no file that knows forces.
+    let force = paper.and_then(|paper| paper.force.clone()).filter(|_| !carrier.is_fed());
+    Body { name: name.to_owned(), paper: paper.map(settings), regions, force, carrier }
+}
+
 /// The sheets of paper among what has a mesh, if there are any.
 ///
 /// # Errors
 /// As [`MovingPaper::new`].
 pub(crate) fn told(scene: &Scene, with_meshes: Vec<WithMesh<'_>>) -> Result<Option<MovingPaper>> {
-    let mut bodies = Vec::new();
-    for WithMesh { name, carrier, material } in with_meshes {
-        let paper = material.and_then(|material| material.paper.as_ref());
-        let regions = paper.and_then(|paper| Some(paper.regions.as_ref()?.path.clone()));
-        let force = paper.and_then(|paper| paper.force.clone());
-        bodies.push(Body { name: name.to_owned(), paper: paper.map(settings), regions, force, carrier });
-    }
+    let bodies: Vec<Body> = with_meshes.into_iter().map(body).collect();
     let any = bodies.iter().any(|body| body.paper.is_some());
     if any { MovingPaper::new(bodies, &scene.file).map(Some) } else { Ok(None) }
 }

@@ -291,6 +291,42 @@ impl Carrier {
         }
     }
 
+    /// Where it is at time 0 and how it is turned, whatever it was told since.
+    fn first_pose(&self) -> Result<FedPose> {
+        if let Way::Fed(fed) = &self.way {
+            return Ok(fed.first_pose());
+        }
+        let state = rigid(&self.frame(0.0)?);
+        Ok(FedPose { position_m: state.position_m, rotation: state.rotation })
+    }
+
+    /// Its mesh then.
+    fn first_mesh(&self) -> Result<Mesh> {
+        if let Way::Fed(fed) = &self.way {
+            return fed.first_mesh().ok_or_else(|| self.fault("has no mesh".to_owned()));
+        }
+        let mut mesh = Mesh::default();
+        self.mesh(0.0, &mut mesh)?;
+        Ok(mesh)
+    }
+
+    /// Something that appears at a time and stands in a pose. Its mesh, where this one has one, is what this one has at time
+    /// 0, and lies to the pose as that does to this one.
+    ///
+    /// # Errors
+    /// A sample that cannot be read.
+    pub fn appearing(&self, time_s: f64, pose: FedPose) -> Result<Fed> {
+        let fed = if self.topology() == Topology::None {
+            Fed::new(pose)
+        } else {
+            let mut mesh = self.first_mesh()?;
+            self.first_pose()?.move_to(&pose, &mut mesh.positions);
+            Fed::with_mesh(pose, mesh)?
+        };
+        fed.stand(time_s);
+        Ok(fed)
+    }
+
     /// A number for each vertex of its mesh at a time, which its file has by a name.
     ///
     /// # Errors
@@ -444,17 +480,10 @@ pub(super) fn fed_carrier(
     step_s: f64,
     has_mesh: bool,
 ) -> Result<(Carrier, Arc<Fed>)> {
-    let pose = match before {
-        None => FedPose::at([0.0; 3]),
-        Some(before) => {
-            let state = rigid(&before.frame(0.0)?);
-            FedPose { position_m: state.position_m, rotation: state.rotation }
-        }
-    };
+    let pose = before.map_or(Ok(FedPose::at([0.0; 3])), Carrier::first_pose)?;
     let fed = match before.filter(|_| has_mesh) {
         Some(before) => {
-            let mut rest = Mesh::default();
-            before.mesh(0.0, &mut rest)?;
+            let rest = before.first_mesh()?;
             Fed::with_mesh(pose, rest).map_err(|fault| before.fault(fault.to_string()))?
         }
         None if has_mesh => Fed::with_mesh(pose, Mesh::default())?,

@@ -1,13 +1,17 @@
 //! How something moves that is told while it does.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::animation::{Mesh, Transform, mix_positions};
 use crate::{Error, Result};
 
-/// So many frames of a mesh are kept.
-const FRAMES: usize = 3;
+/// So many frames of a mesh are kept at most: those of two seconds, 240 in each, that time goes on by at once.
+const MOST_FRAMES: usize = 512;
+
+/// Frames of a mesh are kept for so long behind what was known before time went on last, in seconds: what is asked where it
+/// was a moment ago.
+const FRAMES_KEPT_S: f64 = 0.1;
 
 /// Poses are kept for so long behind the last, in seconds.
 const KEPT_S: f64 = 4.0;
@@ -25,6 +29,20 @@ impl FedPose {
     /// At a place, unturned.
     pub fn at(position_m: [f64; 3]) -> Self {
         Self { position_m, rotation: [0.0, 0.0, 0.0, 1.0] }
+    }
+
+    fn turn(&self) -> glam::DQuat {
+        glam::DQuat::from_array(self.rotation).normalize()
+    }
+
+    /// Brings what lies in the world as it does to this pose to where it lies so to another one.
+    pub fn move_to(&self, other: &Self, positions_m: &mut [[f32; 3]]) {
+        let [from, to] = [self, other].map(|pose| glam::DVec3::from(pose.position_m));
+        let turn = other.turn() * self.turn().inverse();
+        for position in positions_m {
+            let away = glam::DVec3::from(position.map(f64::from)) - from;
+            *position = (to + turn * away).as_vec3().into();
+        }
     }
 }
 
@@ -64,12 +82,74 @@ struct Frame {
     faces: Arc<Faces>,
 }
 
+impl Frame {
+    /// Whether it is the very same mesh, at whatever time.
+    fn is_still(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.positions, &other.positions) && Arc::ptr_eq(&self.faces, &other.faces)
+    }
+}
+
+/// The frames of a mesh that may be asked for yet.
+#[derive(Debug)]
+struct Frames {
+    /// In order of time, one at least.
+    all: VecDeque<Frame>,
+    /// Whether one was told.
+    are_told: bool,
+    /// Up to here all was known when time went on last.
+    known_s: f64,
+}
+
+impl Frames {
+    /// What was told of later times is forgotten. Where very many come before time goes on the one before gives way: it goes
+    /// evenly past it.
+    fn push(&mut self, frame: Frame) {
+        while self.all.back().is_some_and(|last| last.time_s >= frame.time_s) {
+            self.all.pop_back();
+        }
+        if self.all.len() >= MOST_FRAMES {
+            self.all.pop_back();
+        }
+        self.all.push_back(frame);
+    }
+
+    fn stand(&mut self, time_s: f64) {
+        if let Some(last) = self.all.back().filter(|last| last.time_s < time_s).cloned() {
+            // What stands for long is there once for its beginning and once for its end.
+            if self.all.iter().nth_back(1).is_some_and(|before| before.is_still(&last)) {
+                self.all.pop_back();
+            }
+            self.push(Frame { time_s, ..last });
+        }
+        let needed_s = self.known_s.min(time_s) - FRAMES_KEPT_S;
+        while self.all.get(1).is_some_and(|next| next.time_s <= needed_s) {
+            self.all.pop_front();
+        }
+        self.known_s = time_s;
+    }
+}
+
+/// The mesh of something.
+#[derive(Debug)]
+struct ToldMesh {
+    /// As it was before anything was told.
+    first: Frame,
+    frames: Mutex<Frames>,
+}
+
+impl ToldMesh {
+    fn frames(&self) -> MutexGuard<'_, Frames> {
+        self.frames.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
 /// The poses of something, as they are told, and the frames of its mesh, if it has one. Between two it goes evenly from one
 /// to the other; before the first and behind the last it stands.
 #[derive(Debug)]
 pub struct Fed {
+    first: FedPose,
     poses: Mutex<VecDeque<(f64, FedPose)>>,
-    mesh: Option<Mutex<VecDeque<Frame>>>,
+    mesh: Option<ToldMesh>,
 }
 
 /// It is itself.
@@ -82,7 +162,7 @@ impl PartialEq for Fed {
 impl Fed {
     /// Something that stands until it is told otherwise.
     pub fn new(pose: FedPose) -> Self {
-        Self { poses: Mutex::new(VecDeque::from([(0.0, pose)])), mesh: None }
+        Self { first: pose, poses: Mutex::new(VecDeque::from([(0.0, pose)])), mesh: None }
     }
 
     /// Something with a mesh, which stays as it is until it is told otherwise.
@@ -92,8 +172,9 @@ impl Fed {
     pub fn with_mesh(pose: FedPose, rest: Mesh) -> Result<Self> {
         let faces = Faces { vertices: rest.face_vertices, sizes: rest.face_sizes };
         faces.check(rest.positions.len())?;
-        let frame = Frame { time_s: 0.0, positions: rest.positions.into(), faces: faces.into() };
-        Ok(Self { mesh: Some(Mutex::new(VecDeque::from([frame]))), ..Self::new(pose) })
+        let first = Frame { time_s: 0.0, positions: rest.positions.into(), faces: faces.into() };
+        let frames = Frames { all: VecDeque::from([first.clone()]), are_told: false, known_s: 0.0 };
+        Ok(Self { mesh: Some(ToldMesh { first, frames: Mutex::new(frames) }), ..Self::new(pose) })
     }
 
     /// Whether it has a mesh.
@@ -101,8 +182,25 @@ impl Fed {
         self.mesh.is_some()
     }
 
-    /// Its vertices are there at a time, in the world and in metres, which is not before that of the last frame; its faces
-    /// are as before, or these.
+    /// Whether a frame of its mesh was told.
+    pub fn is_mesh_told(&self) -> bool {
+        self.mesh.as_ref().is_some_and(|mesh| mesh.frames().are_told)
+    }
+
+    /// Where it was before it was told anything.
+    pub fn first_pose(&self) -> FedPose {
+        self.first
+    }
+
+    /// Its mesh before it was told anything; nothing where it has none.
+    pub fn first_mesh(&self) -> Option<Mesh> {
+        let Frame { positions, faces, .. } = &self.mesh.as_ref()?.first;
+        let Faces { vertices, sizes } = Faces::clone(faces);
+        Some(Mesh { positions: positions.to_vec(), face_vertices: vertices, face_sizes: sizes })
+    }
+
+    /// Its vertices are there at a time, in the world and in metres; its faces are as before, or these. What was told of that
+    /// time and of later ones is forgotten.
     ///
     /// # Errors
     /// Something without a mesh; vertices that its faces are not of.
@@ -113,25 +211,20 @@ impl Fed {
         faces: Option<Arc<Faces>>,
     ) -> Result<()> {
         let Some(mesh) = &self.mesh else { return Err(Error::new("it has no mesh")) };
-        let mut frames = mesh.lock().unwrap_or_else(PoisonError::into_inner);
-        let before = frames.back().map(|frame| frame.faces.clone()).unwrap_or_default();
+        let mut frames = mesh.frames();
+        let before = frames.all.back().map(|frame| frame.faces.clone()).unwrap_or_default();
         let faces = faces.unwrap_or(before);
         faces.check(positions.len())?;
-        if frames.back().is_some_and(|last| last.time_s >= time_s) {
-            frames.pop_back();
-        }
-        frames.push_back(Frame { time_s, positions, faces });
-        while frames.len() > FRAMES {
-            frames.pop_front();
-        }
+        frames.push(Frame { time_s, positions, faces });
+        frames.are_told = true;
         Ok(())
     }
 
     /// Its mesh at a time; false where it has none.
     pub fn mesh(&self, time_s: f64, into: &mut Mesh) -> bool {
         let Some(mesh) = &self.mesh else { return false };
-        let frames = mesh.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some((before, next)) = around(&frames, time_s) else { return false };
+        let frames = mesh.frames();
+        let Some((before, next)) = around(&frames.all, time_s) else { return false };
         into.positions.clear();
         match next {
             Some((next, along)) => {
@@ -146,8 +239,8 @@ impl Fed {
 
     /// Where one of the vertices of its mesh is at a time, in metres; nothing where there is none of that number.
     pub fn vertex_m(&self, vertex: usize, time_s: f64) -> Option<[f64; 3]> {
-        let frames = self.mesh.as_ref()?.lock().unwrap_or_else(PoisonError::into_inner);
-        let (before, next) = around(&frames, time_s)?;
+        let frames = self.mesh.as_ref()?.frames();
+        let (before, next) = around(&frames.all, time_s)?;
         let mut at = Vec::with_capacity(1);
         let own = |frame: &Frame| frame.positions.get(vertex).copied();
         match next {
@@ -157,10 +250,10 @@ impl Fed {
         Some(at.first()?.map(f64::from))
     }
 
-    /// It has a pose at a time, which is not before that of the last. One of the same time takes its place.
+    /// It has a pose at a time. What was told of that time and of later ones is forgotten.
     pub fn push(&self, time_s: f64, pose: FedPose) {
         let mut poses = self.poses.lock().unwrap_or_else(PoisonError::into_inner);
-        if poses.back().is_some_and(|(last_s, _)| *last_s >= time_s) {
+        while poses.back().is_some_and(|(last_s, _)| *last_s >= time_s) {
             poses.pop_back();
         }
         poses.push_back((time_s, pose));
@@ -169,8 +262,12 @@ impl Fed {
         }
     }
 
-    /// Until a time it has stood where it was last.
+    /// All is known up to a time: until then it has stood where it was last, and its mesh as it was. It may be asked where it
+    /// was since the time before, and a tenth of a second earlier.
     pub fn stand(&self, time_s: f64) {
+        if let Some(mesh) = &self.mesh {
+            mesh.frames().stand(time_s);
+        }
         let last = self.poses.lock().unwrap_or_else(PoisonError::into_inner).back().copied();
         if let Some((last_s, pose)) = last
             && last_s < time_s
@@ -185,14 +282,13 @@ impl Fed {
         let after = poses.partition_point(|(pose_s, _)| *pose_s <= time_s);
         let before = after.checked_sub(1).and_then(|index| poses.get(index)).or(poses.front());
         let Some(&(from_s, from)) = before else { return super::animation::IDENTITY };
-        let turn = |pose: FedPose| glam::DQuat::from_array(pose.rotation).normalize();
         let (at, turned) = match poses.get(after) {
             Some(&(to_s, to)) if to_s > from_s && time_s > from_s => {
                 let along = (time_s - from_s) / (to_s - from_s);
                 let at = |i: usize| from.position_m[i] + along * (to.position_m[i] - from.position_m[i]);
-                (std::array::from_fn(at), turn(from).slerp(turn(to), along))
+                (std::array::from_fn(at), from.turn().slerp(to.turn(), along))
             }
-            _ => (from.position_m, turn(from)),
+            _ => (from.position_m, from.turn()),
         };
         let columns = glam::DMat3::from_quat(turned).to_cols_array_2d();
         let row = |i: usize| [columns[0][i], columns[1][i], columns[2][i], at[i]];
@@ -206,7 +302,7 @@ fn around(frames: &VecDeque<Frame>, time_s: f64) -> Option<(&Frame, Option<(&Fra
     let before = after.checked_sub(1).and_then(|at| frames.get(at)).or(frames.front())?;
     let is_way = |next: &&Frame| {
         let is_same = next.faces == before.faces && next.positions.len() == before.positions.len();
-        before.time_s < time_s && is_same
+        before.time_s < time_s && is_same && !next.is_still(before)
     };
     let next = frames.get(after).filter(is_way);
     Some((before, next.map(|next| (next, (time_s - before.time_s) / (next.time_s - before.time_s)))))

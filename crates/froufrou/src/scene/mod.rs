@@ -19,6 +19,7 @@ pub mod obj;
 pub mod point_cache;
 pub mod pose_log;
 pub(crate) mod positioned_file;
+pub(crate) mod presence;
 mod read;
 mod sample_cache;
 pub(crate) mod toml;

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use super::alembic::Alembic;
-use super::animation::{Animation, Mesh, ObjectKind};
+use super::animation::{Animation, Mesh, ObjectKind, Transform};
 use super::asset::NamePattern;
-use super::carrier::{Carrier, Stray, Way, fed_carrier, into_world, track_carrier};
+use super::carrier::{Carrier, Stray, Way, fed_carrier, into_local, into_world, track_carrier};
 use super::conventions::Conventions;
 use super::converted::Converted;
 use super::fed::Fed;
@@ -201,6 +201,27 @@ impl Ear {
     pub fn carrier(&self) -> &Carrier {
         &self.carrier
     }
+
+    /// Takes its place and its directions at time 0 as they lie in another frame, so that what is there may carry it.
+    fn sit_on(&mut self, other: &Transform) -> Result<()> {
+        let own = self.carrier.frame(0.0)?;
+        let nowhere = || self.carrier.fault("is at no place to hear from at 0 s".to_owned());
+        let place = |own: &Transform, other: &Transform, local: [f64; 3]| {
+            into_local(other, into_world(own, local)).ok_or_else(nowhere)
+        };
+        let turned = |local| place(&unmoved(&own), &unmoved(other), local);
+        let (offset_m, facing) = (place(&own, other, self.offset_m)?, turned(self.facing)?);
+        let up = self.up.map(turned).transpose()?;
+        (self.offset_m, self.facing, self.up) = (offset_m, facing, up);
+        Ok(())
+    }
+}
+
+/// A transform that turns and scales as another one, and moves nothing.
+fn unmoved(frame: &Transform) -> Transform {
+    let mut unmoved = *frame;
+    unmoved[..3].iter_mut().for_each(|row| row[3] = 0.0);
+    unmoved
 }
 
 /// True where a head that faces a direction and holds itself upright has this direction up, and is far from
@@ -283,14 +304,17 @@ impl World {
         Ok(fed)
     }
 
-    /// Lets the listener be told to move, and all microphones with it, likewise: they sit on it as they do in the scene.
+    /// Lets the listener be told to move, and all microphones with it, likewise. It begins where what carries the first of them
+    /// is at time 0, and all sit on it as they lie to that then.
     ///
     /// # Errors
     /// A place that cannot be read.
     pub fn feed_listener(&mut self, step_s: f64) -> Result<Arc<Fed>> {
         let (carrier, fed) = fed_carrier(self.ears.first().map(|ear| &ear.carrier), step_s, false)?;
+        let listener = fed.frame(0.0);
         for ear in &mut self.ears {
-            ear.carrier = Carrier { point: ear.carrier.point, ..carrier.clone() };
+            ear.sit_on(&listener)?;
+            ear.carrier = Carrier { point: Point::Offset(ear.offset_m), ..carrier.clone() };
         }
         Ok(fed)
     }

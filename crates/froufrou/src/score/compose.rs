@@ -25,7 +25,6 @@ use self::contacts::LEAST_QUIET;
 use self::going::Going;
 use self::grains::Flow;
 use self::paper::Papers;
-use self::presence::Presence;
 use self::voice::{Follows, Place, Telling, Voice, faded};
 use super::retarget::{self, Repertoire, Shader};
 use super::{
@@ -44,6 +43,7 @@ use crate::motion::rub::Rubbing;
 use crate::random::Random;
 use crate::scene::carrier::Carrier;
 use crate::scene::file::{Acoustics, Emitter, Material, Played, Scene, SceneSound, StartKey, Timing};
+use crate::scene::presence::Presence;
 use crate::scene::world::{RigidBodies, World};
 use crate::time::Time;
 use crate::{Error, Result};

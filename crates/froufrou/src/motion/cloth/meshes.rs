@@ -1,5 +1,7 @@
 //! The meshes of all objects, frame by frame: whether a frame can be taken, and what of it changes its faces.
 
+use std::collections::BTreeSet;
+
 use rayon::prelude::*;
 
 use super::proximity::Touchable;
@@ -17,6 +19,8 @@ pub(in crate::motion) struct Meshes {
     /// Empty before the first frame.
     objects: Vec<Touchable>,
     faces: Vec<Faces>,
+    /// Which of them are others from the next frame on.
+    replaced: BTreeSet<usize>,
     last_s: Option<f64>,
 }
 
@@ -39,7 +43,17 @@ pub(in crate::motion) struct Change {
 impl Meshes {
     /// Begins with nothing known of objects of these names.
     pub fn new(names: Vec<String>) -> Self {
-        Self { names, objects: Vec::new(), faces: Vec::new(), last_s: None }
+        Self { names, objects: Vec::new(), faces: Vec::new(), replaced: BTreeSet::new(), last_s: None }
+    }
+
+    /// Another object takes the place of one, or comes behind the last: it changes its faces with the next frame, whatever
+    /// they are.
+    pub fn replace(&mut self, object: usize, name: String) {
+        match self.names.get_mut(object) {
+            Some(known) => *known = name,
+            None => self.names.push(name),
+        }
+        self.replaced.insert(object);
     }
 
     /// The objects as they lie now; none before the first frame.
@@ -82,7 +96,8 @@ impl Meshes {
                 return Some(Why::Faces);
             };
             let mesh = &meshes[object];
-            if mesh.positions.len() != known.positions().len()
+            if self.replaced.contains(&object)
+                || mesh.positions.len() != known.positions().len()
                 || mesh.face_vertices != faces.vertices
                 || mesh.face_sizes != faces.sizes
             {
@@ -100,6 +115,7 @@ impl Meshes {
     /// None, if the changes are those of the frame.
     pub fn follow(&mut self, time_s: f64, meshes: &[Mesh], changes: Vec<Option<Change>>) -> Result<()> {
         self.last_s = Some(time_s);
+        self.replaced.clear();
         let objects = self.objects.par_iter_mut().zip(meshes).zip(&changes);
         objects
             .filter(|(_, change)| change.is_none())

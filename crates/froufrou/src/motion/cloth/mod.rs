@@ -218,6 +218,20 @@ impl Analyser {
         &self.participants
     }
 
+    /// Another object takes the place of one, or comes behind the last. What was known of the one before is told; of others
+    /// nothing is forgotten but that they touched it.
+    pub(in crate::motion) fn replace(&mut self, object: usize, participant: Participant) {
+        if let Some(at) = self.cloths.iter().position(|cloth| cloth.object as usize == object) {
+            self.end(at);
+            self.cloths.remove(at);
+        }
+        self.meshes.replace(object, participant.name.clone());
+        match self.participants.get_mut(object) {
+            Some(known) => *known = participant,
+            None => self.participants.push(participant),
+        }
+    }
+
     /// Says how hard each vertex of a cloth presses against what it touches in the frame to come, in newtons, where a
     /// simulation knows it. What it touches is found as ever.
     ///
@@ -265,10 +279,12 @@ impl Analyser {
         if is_first {
             self.begin();
         }
-        let objects = self.meshes.objects();
-        for cloth in &mut self.cloths {
-            if restarts.iter().any(|restart| restart.object == cloth.object) {
-                *cloth = Cloth::new(cloth.object, cloth.settings, &objects[cloth.object as usize]);
+        for &Restart { object, .. } in &restarts {
+            let Some(settings) = self.participants[object as usize].cloth else { continue };
+            let cloth = Cloth::new(object, settings, &self.meshes.objects()[object as usize]);
+            match self.cloths.binary_search_by_key(&object, |known| known.object) {
+                Ok(at) => self.cloths[at] = cloth,
+                Err(at) => self.cloths.insert(at, cloth),
             }
         }
         self.restarts.extend(restarts);

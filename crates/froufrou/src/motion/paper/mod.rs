@@ -328,6 +328,20 @@ impl Analyser {
         &self.participants
     }
 
+    /// Another object takes the place of one, or comes behind the last. Of others nothing is forgotten but that they touched
+    /// it.
+    pub(in crate::motion) fn replace(&mut self, object: usize, participant: Participant) {
+        self.sheets.retain(|page| page.object as usize != object);
+        self.meshes.replace(object, participant.name.clone());
+        match self.participants.get_mut(object) {
+            Some(known) => (*known, self.given[object]) = (participant, None),
+            None => {
+                self.participants.push(participant);
+                self.given.push(None);
+            }
+        }
+    }
+
     /// Says what is known of a sheet in the frame that is fed next: its regions, what is held, what tears.
     ///
     /// # Errors
@@ -393,14 +407,15 @@ impl Analyser {
             self.sheets = self.participants.iter().enumerate().filter_map(page).collect();
         }
         for &Restart { object, .. } in &restarts {
-            for page in &mut self.sheets {
-                if page.object == object {
-                    let settings = page.settings.clone();
-                    *page = Page::new(time_s, object, settings, &self.meshes.objects()[object as usize]);
-                } else {
-                    page.holding.lose(object);
-                    page.proximity.forget();
-                }
+            for page in self.sheets.iter_mut().filter(|page| page.object != object) {
+                page.holding.lose(object);
+                page.proximity.forget();
+            }
+            let Some(settings) = self.participants[object as usize].paper.clone() else { continue };
+            let page = Page::new(time_s, object, settings, &self.meshes.objects()[object as usize]);
+            match self.sheets.binary_search_by_key(&object, |known| known.object) {
+                Ok(at) => self.sheets[at] = page,
+                Err(at) => self.sheets.insert(at, page),
             }
         }
         self.restarts.extend(restarts);

@@ -279,7 +279,7 @@ impl Chain {
     ) -> Result<(Mixer<ChannelLines<'_>>, ChannelHeader, Ends)> {
         let Self { production, fed, movers, listener } = self;
         let Production { scene, world, .. } = production;
-        let meshes = Meshes::new(scene.clone(), world.clone(), settings.key_step_s);
+        let meshes = Meshes::new(scene.clone(), world.clone(), settings.key_step_s)?;
         let step_s = settings.contact_step_s;
         let feed = Feed::new(told, step_s, fed.clone(), meshes, wires.clone());
         let header = production.channel_header();

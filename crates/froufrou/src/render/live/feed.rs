@@ -181,16 +181,14 @@ impl Feed {
                 }
             }
             Told::Mesh { slot, time_s, positions, faces } => {
-                if let Some(fed) = self.mover(slot).cloned() {
-                    match fed.push_mesh(time_s, positions, faces) {
-                        Ok(()) => self.meshes.told(&fed, time_s),
-                        Err(fault) => self.wires.faults.tell(fault),
-                    }
+                if let Some(fed) = self.mover(slot).cloned()
+                    && let Err(fault) = self.meshes.tell(&fed, time_s, positions, faces)
+                {
+                    self.wires.faults.tell(fault);
                 }
             }
             Told::Appear { slot, name, kind, time_s, pose } => {
-                self.look(time_s);
-                match self.meshes.appear(&name, &kind, pose) {
+                match self.meshes.appear(&name, &kind, time_s, pose) {
                     Ok(fed) => {
                         let slot = slot as usize;
                         if self.movers.len() <= slot {
@@ -204,7 +202,7 @@ impl Feed {
                 }
             }
             Told::Vanish { slot, name, time_s } => {
-                self.look(time_s);
+                self.look_before(time_s, &name);
                 self.meshes.vanish(&name);
                 if let Some(mover) = slot.and_then(|slot| self.movers.get_mut(slot as usize)) {
                     *mover = None;
@@ -212,7 +210,7 @@ impl Feed {
                 self.change(time_s, &name, Becomes::Gone);
             }
             Told::Material { name, material, time_s } => {
-                self.look(time_s);
+                self.look_before(time_s, &name);
                 self.meshes.material(&name, &material);
                 self.change(time_s, &name, Becomes::Of(material.to_string()));
             }
@@ -235,6 +233,14 @@ impl Feed {
 
     fn change(&mut self, time_s: f64, name: &str, what: Becomes) {
         self.push(Event::Change(Change { time_s, name: name.to_owned(), what }), 0.0);
+    }
+
+    /// Looks at the frames before a time at which something changes that takes part in them. Those of that time may not all
+    /// be told yet.
+    fn look_before(&mut self, time_s: f64, name: &str) {
+        if self.meshes.takes_part(name) {
+            self.look(time_s.next_down());
+        }
     }
 
     /// Looks at the frames of meshes that were told up to a time.

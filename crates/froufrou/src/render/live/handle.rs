@@ -167,36 +167,54 @@ pub(super) struct Bodies {
 #[derive(Default)]
 pub(super) struct Movers {
     names: BTreeMap<String, MoverId>,
-    /// Of each slot, which generation has it.
-    generations: Vec<u32>,
+    slots: Vec<Slot>,
     free: VecDeque<u32>,
+}
+
+/// A place of something that is moved.
+#[derive(Clone, Copy, Default)]
+struct Slot {
+    /// Which generation has it.
+    generation: u32,
+    /// For when its pose was told last, and its mesh.
+    told_s: [f64; 2],
+}
+
+/// What is told of something that is moved: both come in order of time.
+#[derive(Clone, Copy)]
+enum Moving {
+    Pose,
+    Mesh,
 }
 
 impl Movers {
     /// What is there from the beginning, in the order of its slots; a listener has a slot and no name.
     pub fn new(names: BTreeMap<String, MoverId>, slots: usize) -> Self {
-        Self { names, generations: vec![0; slots], free: VecDeque::new() }
+        Self { names, slots: vec![Slot::default(); slots], free: VecDeque::new() }
     }
 
-    fn is_there(&self, id: MoverId) -> bool {
-        self.generations.get(id.slot as usize) == Some(&id.generation)
+    fn slot(&mut self, id: MoverId) -> Option<&mut Slot> {
+        self.slots.get_mut(id.slot as usize).filter(|slot| slot.generation == id.generation)
     }
 
-    fn take(&mut self) -> Option<MoverId> {
-        let slot = match self.free.pop_front() {
-            Some(slot) => slot,
-            None if self.generations.len() < MOST_MOVERS => {
-                self.generations.push(0);
-                self.generations.len() as u32 - 1
+    /// A place for something that appears at a time.
+    fn take(&mut self, time_s: f64) -> Option<MoverId> {
+        let number = match self.free.pop_front() {
+            Some(number) => number,
+            None if self.slots.len() < MOST_MOVERS => {
+                self.slots.push(Slot::default());
+                self.slots.len() as u32 - 1
             }
             None => return None,
         };
-        Some(MoverId { slot, generation: self.generations[slot as usize] })
+        let slot = &mut self.slots[number as usize];
+        slot.told_s = [time_s; 2];
+        Some(MoverId { slot: number, generation: slot.generation })
     }
 
     fn leave(&mut self, id: MoverId) {
-        if let Some(generation) = self.generations.get_mut(id.slot as usize) {
-            *generation = generation.wrapping_add(1);
+        if let Some(slot) = self.slots.get_mut(id.slot as usize) {
+            slot.generation = slot.generation.wrapping_add(1);
             self.free.push_back(id.slot);
         }
     }
@@ -304,11 +322,27 @@ impl Handle {
     /// What is told is left out, and counted.
     pub fn transform(&mut self, object: MoverId, time_s: f64, pose: FedPose) -> Result<(), Refused> {
         self.check_pose(time_s, &pose)?;
+        self.tell_of(object, Moving::Pose, time_s, |slot, time_s| Told::Pose { slot, time_s, pose })
+    }
+
+    /// Tells of something that is moved, which comes in order of time.
+    fn tell_of(
+        &mut self,
+        object: MoverId,
+        what: Moving,
+        time_s: f64,
+        told: impl FnOnce(u32, f64) -> Told,
+    ) -> Result<(), Refused> {
         let time_s = self.time(time_s)?;
-        if !self.movers.is_there(object) {
-            return self.leave(Refused::Unknown);
+        match self.movers.slot(object).map(|slot| slot.told_s[what as usize]) {
+            None => return self.leave(Refused::Unknown),
+            Some(last_s) if time_s < last_s => return self.leave(Refused::Earlier),
+            Some(_) => self.tell(told(object.slot, time_s))?,
         }
-        self.tell(Told::Pose { slot: object.slot, time_s, pose })
+        if let Some(slot) = self.movers.slot(object) {
+            slot.told_s[what as usize] = time_s;
+        }
+        Ok(())
     }
 
     /// Tells where the listener is, where the engine was started with one that moves.
@@ -357,11 +391,10 @@ impl Handle {
         if !positions_m.as_flattened().iter().all(|c| f64::from(c.abs()) <= FARTHEST) {
             return self.leave(Refused::NotFinite("positions_m"));
         }
-        let time_s = self.time(time_s)?;
-        if !self.movers.is_there(object) {
-            return self.leave(Refused::Unknown);
-        }
-        self.tell(Told::Mesh { slot: object.slot, time_s, positions: positions_m.into(), faces })
+        self.tell_of(object, Moving::Mesh, time_s, |slot, time_s| {
+            let positions = positions_m.into();
+            Told::Mesh { slot, time_s, positions, faces }
+        })
     }
 
     /// Something appears that is as an object of the scene, its kind: it has its sounds, which begin now, its material and its
@@ -379,7 +412,7 @@ impl Handle {
         if self.movers.names.contains_key(name) || self.objects.contains(name) {
             self.vanish_mover(name, at_s)?;
         }
-        let Some(id) = self.movers.take() else { return self.leave(Refused::Full) };
+        let Some(id) = self.movers.take(at_s) else { return self.leave(Refused::Full) };
         let told = Told::Appear { slot: id.slot, name: name.into(), kind: kind.into(), time_s: at_s, pose };
         if let Err(refused) = self.tell(told) {
             self.movers.free.push_front(id.slot);

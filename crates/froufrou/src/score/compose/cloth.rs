@@ -39,6 +39,8 @@ pub(super) struct Wardrobe {
     counts: BTreeMap<String, u64>,
     /// How they are chosen where bucklings are told as they happen, by the name of the cloth and its corpus.
     learning: BTreeMap<(String, String), Learning>,
+    /// How many of those there were so far, with the ones that are forgotten.
+    learnt: u64,
 }
 
 /// The sound of a cloth.
@@ -154,7 +156,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
         }
         let Some(cloth) = self.cloth_of(&buckle.cloth) else { return Ok(()) };
         let name = self.sound_of(&cloth.corpus)?;
-        let Wardrobe { sounds, playbacks, counts, learning } = &mut self.wardrobe;
+        let Wardrobe { sounds, playbacks, counts, learning, learnt } = &mut self.wardrobe;
         let Some(worn) = sounds.get(&name) else { return Ok(()) };
         let chosen = match playbacks.get(&buckle.cloth) {
             Some(playback) => {
@@ -163,10 +165,11 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
                 playback.choose(*count - 1, buckle.time_s, buckle.energy_mps)
             }
             None if self.pulses && !worn.sound.pops().is_empty() => {
-                let number = learning.len() as u64;
                 let learning = learning.entry((buckle.cloth.clone(), name.clone())).or_insert_with(|| {
                     let pops: Vec<f64> = worn.sound.pops().iter().map(|pop| pop.energy).collect();
-                    Learning::new(&pops, cloth.jitter_s, Random::new(self.scene.seed ^ POPS, number))
+                    let random = Random::new(self.scene.seed ^ POPS, *learnt);
+                    *learnt += 1;
+                    Learning::new(&pops, cloth.jitter_s, random)
                 });
                 learning.choose(buckle.time_s, buckle.energy_mps)?
             }

@@ -1,51 +1,17 @@
-//! What there is: objects that appear and vanish while others sound, and what they are of.
-
-use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
+//! Objects that appear and vanish while others sound, or become of something else: what of them begins and ends to sound.
 
 use super::{Composer, Planned, line_at};
 use crate::Result;
 use crate::motion::event::{Becomes, Change, Event};
 use crate::scene::carrier::Carrier;
-use crate::scene::fed::Fed;
 use crate::scene::file::{Emitter, Material};
+use crate::scene::presence::Appeared;
 use crate::score::LATEST_S;
-
-/// What has changed since the scene was opened.
-#[derive(Default)]
-pub(super) struct Presence {
-    appeared: BTreeMap<String, Appeared>,
-    /// Objects of the scene that are no more.
-    gone: BTreeSet<String>,
-    /// Indices of materials that are not those of the scene.
-    materials: BTreeMap<String, usize>,
-    births: u64,
-}
-
-/// Something that appeared.
-pub(super) struct Appeared {
-    /// The object that it is as.
-    pub kind: usize,
-    fed: Arc<Fed>,
-    /// How many appeared before it.
-    pub number: u64,
-}
-
-impl Presence {
-    pub fn appeared(&self, name: &str) -> Option<&Appeared> {
-        self.appeared.get(name)
-    }
-
-    pub fn is_gone(&self, name: &str) -> bool {
-        self.gone.contains(name)
-    }
-}
 
 impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
     /// What something is of, by its name and the object that it is or is as.
     pub(super) fn material_of(&self, name: &str, index: usize) -> Option<&'s Material> {
-        let other = self.presence.materials.get(name).copied();
-        self.scene.materials.get(other.or(self.scene.objects[index].material)?)
+        self.presence.material(name, self.scene, index)
     }
 
     /// What carries something that appeared.
@@ -62,11 +28,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
                 let Some(kind) = self.scene.objects.iter().position(|object| object.name == *kind) else {
                     return Ok(());
                 };
-                let number = self.presence.births;
-                self.presence.births += 1;
-                let appeared = Appeared { kind, fed: fed.clone(), number };
-                self.presence.appeared.insert(name.clone(), appeared);
-                self.presence.gone.remove(name);
+                self.presence.appear(name, kind, fed.clone());
                 for sound in 0..self.scene.sounds.len() {
                     if matches!(self.scene.sounds[sound].emitter, Emitter::Object(object) if object == kind) {
                         for start in self.starts_of(sound, 0, Some((name, *time_s)))? {
@@ -77,11 +39,9 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
                 }
             }
             Becomes::Gone => {
-                self.presence.materials.remove(name);
-                if self.presence.appeared.remove(name).is_none() && self.index_of(name).is_some() {
-                    self.presence.gone.insert(name.clone());
-                }
+                self.presence.vanish(name, self.index_of(name).is_some());
                 self.starts.retain(|start| start.of.as_ref() != Some(name));
+                self.waiting.retain(|start| start.of.as_ref() != Some(name));
                 self.wardrobe.forget(name);
                 self.papers.forget(name);
                 self.quiet_until_s.retain(|(body, other, _), _| body != name && other != name);
@@ -94,7 +54,7 @@ impl<'s, E: Iterator<Item = Result<Event>>> Composer<'s, E> {
                 else {
                     return Ok(());
                 };
-                self.presence.materials.insert(name.clone(), index);
+                self.presence.become_of(name, index);
                 // What was struck rings on as what it was.
                 let rubs = self.rubbing.iter().filter(|((body, ..), _)| body == name).map(|(_, &id)| id);
                 let goes_on = self.going.iter().filter(|(going, _)| going.object == *name);
