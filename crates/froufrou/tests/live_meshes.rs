@@ -289,7 +289,7 @@ fn what_could_not_be_looked_at_is_tried_again() {
             sound.extend_from_slice(frames);
             Ok(())
         };
-        capture.take(&handle, each).unwrap();
+        capture.take(&mut handle, each).unwrap();
         faults.extend(handle.take_fault().map(|_| frame));
     }
     assert_eq!(faults, (10..20).collect::<Vec<_>>(), "each frame is tried");
