@@ -16,6 +16,7 @@ use froufrou::render::offline::{self, Extent};
 use froufrou::scene::Scene;
 use froufrou::scene::contact_log::{ContactRow, Push};
 use froufrou::scene::fed::{Faces, FedPose};
+use studio::sheets::{CELLS, letter, linen, vertices};
 use studio::{Studio, Take, noise};
 
 const RATE_HZ: u32 = 48_000;
@@ -25,9 +26,6 @@ const FRAME_S: f64 = 1.0 / 60.0;
 
 const STEREO: &str = "[[microphone]]\nname = 'left'\nposition = [-0.2, 1, 2]\n[[microphone]]\nname = 'right'\n\
      shape = 'cardioid'\nposition = [0.2, 1, 2]";
-
-/// Cells along a side of sheets.
-const CELLS: usize = 12;
 
 /// Things of every kind: a block that rings and scrapes on a table, a fly that hums, a bell, a cloth and a sheet of paper.
 fn scene(studio: &Studio, listener: &str) -> Scene {
@@ -54,27 +52,6 @@ fn scene(studio: &Studio, listener: &str) -> Scene {
          [[object]]\nname = 'floor'\nsource = 'floor.obj#/*'\n"
     );
     Scene::open(studio.file("told.toml", &text), false).unwrap()
-}
-
-/// Where a vertex of the cloth is: it is dragged over the floor and waves.
-fn linen(time_s: f64, [x, z]: [f64; 2]) -> [f64; 3] {
-    [x + 0.5 * time_s, 0.01 + 0.03 * (1.0 + (9.0 * x + 14.0 * time_s).sin()), z]
-}
-
-/// Where one of the sheet of paper is: it is pulled flat, and snaps through now and then.
-fn letter(time_s: f64, [x, z]: [f64; 2]) -> [f64; 3] {
-    let angle = 1.2 * (((time_s - 0.3) * 5.0).sin() * 8.0).clamp(-1.0, 1.0) + 1e-3;
-    let radius = 0.2 / angle;
-    let height = radius * ((angle * x).cos() - (angle / 2.0).cos());
-    [radius * (angle * x).sin(), 0.6 + height, 1.5 + 0.2 * z]
-}
-
-/// The vertices of a sheet.
-fn vertices(time_s: f64, place: fn(f64, [f64; 2]) -> [f64; 3]) -> Vec<[f32; 3]> {
-    let along = |n: usize| n as f64 / CELLS as f64 - 0.5;
-    let side = CELLS + 1;
-    let corner = |i: usize| [along(i % side), along(i / side)];
-    (0..side * side).map(|i| place(time_s, corner(i)).map(|c| c as f32)).collect()
 }
 
 fn settings() -> EngineSettings {

@@ -12,12 +12,10 @@ use froufrou::scene::Scene;
 use froufrou::scene::animation::Mesh;
 use froufrou::scene::fed::{Fed, FedPose};
 use froufrou::score::{Action, ChannelLine, Verb};
+use studio::sheets::{CELLS, letter, linen, vertices};
 use studio::{Studio, Take, noise};
 
 const RATE_HZ: u32 = 48_000;
-
-/// Cells along a side of sheets.
-const CELLS: usize = 12;
 
 const EAR: &str = "[[microphone]]\nname = 'm'\nposition = [0, 1, 1]\n";
 
@@ -42,26 +40,6 @@ fn scene(studio: &Studio, material: &str) -> Scene {
 const LINEN: &str =
     "[material.linen]\ncloth = { corpus = 'synthetic/cotton', floor_speed = 0.1, least_energy = 0 }\n";
 const PAPER: &str = "[material.paper]\npaper = 'synthetic/printer'\n";
-
-/// Where a vertex of the cloth is: it is dragged over the floor and waves.
-fn linen(time_s: f64, [x, z]: [f64; 2]) -> [f64; 3] {
-    [x + 0.5 * time_s, 0.01 + 0.03 * (1.0 + (9.0 * x + 14.0 * time_s).sin()), z]
-}
-
-/// Where one of the sheet of paper is: it is pulled flat, and snaps through now and then.
-fn letter(time_s: f64, [x, z]: [f64; 2]) -> [f64; 3] {
-    let angle = 1.2 * (((time_s - 0.3) * 5.0).sin() * 8.0).clamp(-1.0, 1.0) + 1e-3;
-    let radius = 0.2 / angle;
-    let height = radius * ((angle * x).cos() - (angle / 2.0).cos());
-    [radius * (angle * x).sin(), 0.6 + height, 1.5 + 0.2 * z]
-}
-
-/// The vertices of a sheet.
-fn vertices(time_s: f64, place: fn(f64, [f64; 2]) -> [f64; 3]) -> Vec<[f32; 3]> {
-    let along = |n: usize| n as f64 / CELLS as f64 - 0.5;
-    let side = CELLS + 1;
-    (0..side * side).map(|i| place(time_s, [along(i % side), along(i / side)]).map(|c| c as f32)).collect()
-}
 
 fn settings(meshes: &[&str]) -> EngineSettings {
     let meshes = meshes.iter().map(|name| (*name).to_owned()).collect();

@@ -2,6 +2,8 @@
 //! way from those to samples in memory.
 #![allow(dead_code)] // Each test program uses a part of it.
 
+pub mod sheets;
+
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
