@@ -3,13 +3,15 @@
 //! A bench is a fifth of a second of sound; the unit is a voice. Below 200 ms the voices fit on one core.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
 use froufrou::render::live::{self, Player, Settings};
 use froufrou::score::{Arrival, ChannelLine, Header, Order, Output, Start, Statement, Verb};
-use froufrou::synth::mixer::Mixer;
+use froufrou::synth::mixer::{Mixer, Sounding};
 use froufrou::synth::receivers;
+use froufrou::synth::stick_slip::StickSlip;
 use froufrou::synth::voice::Prototype;
 
 const RATE_HZ: u32 = 48_000;
@@ -43,15 +45,24 @@ fn lines(voices: u64, output: &Output, moves: bool) -> Vec<ChannelLine> {
     lines
 }
 
-/// A player that has half a second before it, past the beginning.
-fn player(output: &Output, lines: &[ChannelLine]) -> Player {
+/// What all voices play.
+fn recording() -> Sounding {
     let random = froufrou::random::Random::new(1, 0);
     let samples = (0..96_000).map(|i| (random.uniform(i) * 2.0 - 1.0) as f32).collect();
-    let noise = Prototype { samples, rate_hz: f64::from(RATE_HZ), looped: true };
+    Prototype { samples, rate_hz: f64::from(RATE_HZ), looped: true }.into()
+}
+
+/// The same where a worker synthesises it: what that sounds like makes no difference here.
+fn instrument() -> Sounding {
+    Sounding::Instrument(Arc::new(StickSlip::new(&[]).expect("no parameters")))
+}
+
+/// A player that has half a second before it, past the beginning.
+fn player(output: &Output, lines: &[ChannelLine], sound: Sounding) -> Player {
     let header = Header::new(Order::Time, vec![output.clone()]);
     let receivers = receivers::load(&header, Path::new(""), RATE_HZ).expect("a head");
     let lines = lines.iter().cloned().map(Ok::<_, froufrou::Error>);
-    let mixer = Mixer::new(RATE_HZ, receivers, [("noise".to_owned(), noise.into())], lines).expect("a score");
+    let mixer = Mixer::new(RATE_HZ, receivers, [("noise".to_owned(), sound)], lines).expect("a score");
     let settings = Settings { ahead_s: 0.5, ..Settings::default() };
     let (mut supply, mut player) = live::part(mixer, settings).expect("a player");
     let mut block = vec![0.0; 128 * player.channels()];
@@ -64,8 +75,12 @@ fn player(output: &Output, lines: &[ChannelLine]) -> Player {
 }
 
 fn fill(bencher: Bencher, voices: u64, output: Output, moves: bool, block: usize) {
+    play(bencher, recording(), voices, output, moves, block);
+}
+
+fn play(bencher: Bencher, sound: Sounding, voices: u64, output: Output, moves: bool, block: usize) {
     let lines = lines(voices, &output, moves);
-    let inputs = || player(&output, &lines);
+    let inputs = || player(&output, &lines, sound.clone());
     bencher.counter(ItemsCount::new(voices)).with_inputs(inputs).bench_local_values(|mut player| {
         let mut samples = vec![0.0; block * player.channels()];
         for _ in 0..RATE_HZ as usize / 5 / block {
@@ -101,4 +116,9 @@ fn moving_microphone(bencher: Bencher, voices: u64) {
 #[divan::bench(args = [1, 256, 1000], sample_count = 5, sample_size = 1)]
 fn still_microphone(bencher: Bencher, voices: u64) {
     fill(bencher, voices, microphone(), false, 128);
+}
+
+#[divan::bench(args = [1, 256, 1000], sample_count = 5, sample_size = 1)]
+fn synthesised_by_moving_microphone(bencher: Bencher, voices: u64) {
+    play(bencher, instrument(), voices, microphone(), true, 128);
 }

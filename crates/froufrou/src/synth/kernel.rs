@@ -45,6 +45,9 @@ fn best(ratios: &[f64], worst: f64, is_better: impl Fn(f64, f64) -> bool) -> f64
 /// Readings whose places are found before any of them is made.
 pub(super) const CHUNK: usize = 64;
 
+/// So many samples are copied at most, where those that are read together reach beyond an end.
+pub const MOST_COPIED: usize = 160 * MAX_RATIO as usize;
+
 /// Places within a chunk are no farther apart, in samples.
 const FARTHEST: f64 = 1e9;
 
@@ -108,7 +111,6 @@ pub(super) fn read<T: Table<ROWS, WIDTH>, S: Simd, const ROWS: usize, const WIDT
     out: &mut [f32],
     window: &mut Vec<f32>,
 ) {
-    let length = samples.samples.len() as i64;
     let chunks = positions.chunks(CHUNK).zip(ratios.chunks(CHUNK)).zip(out.chunks_mut(CHUNK));
     for ((positions, ratios), out) in chunks {
         let Places { origin, wholes, phases, along } = Places::find(positions, T::PHASES);
@@ -117,30 +119,29 @@ pub(super) fn read<T: Table<ROWS, WIDTH>, S: Simd, const ROWS: usize, const WIDT
             weights.iter_mut().zip(T::weights(*along)).for_each(|(all, weight)| all[n] = weight);
         }
         let weights = |n: usize| std::array::from_fn(|row| weights[row][n]);
-        let mut origin = origin as i64;
-        if samples.looped && length > 0 && !(0..length).contains(&origin) {
-            origin = origin.rem_euclid(length);
-        }
-        // Most often one table does for all, and no end is near.
+        let origin = samples.within(origin as i64);
+        // Most often one table does for all.
         let [slowest, fastest] = extent(ratios);
         let mut current = T::SPACING.index(slowest);
         let mut table = T::get(current);
-        let reach = table.width() as i64;
         let wholes = &wholes[..positions.len()];
-        let rises = wholes.iter().zip(&wholes[1..]).fold(true, |rises, (a, b)| rises & (a <= b));
-        let last = origin.saturating_add(wholes.last().copied().unwrap_or(0).into());
-        if current == T::SPACING.index(fastest) && rises && origin >= reach && last <= length - reach {
-            let origin = (origin + 1) as usize - table.width() / 2;
+        let rises = wholes
+            .iter()
+            .zip(&wholes[1..])
+            .fold(wholes.first() == Some(&0), |rises, (a, b)| rises & (a <= b));
+        // From the first tap of the first to the last one of the last, where that is behind it.
+        let span = wholes.last().map_or(0, |last| last.unsigned_abs() as usize) + table.width();
+        let one_for_all = current == T::SPACING.index(fastest) && rises;
+        if one_for_all && let Some(input) = samples.about(origin, table.width(), span, window) {
             let readings = out.iter_mut().zip(wholes).zip(&phases).enumerate();
             if table.width() == WIDTH {
                 for (n, ((out, whole), phase)) in readings {
-                    let input = &samples.samples[origin + *whole as usize..][..WIDTH];
                     let rows = &table.rows(*phase as usize)[..ROWS * WIDTH];
-                    *out = dot_rows::<S, ROWS>(simd, input, rows, weights(n));
+                    *out = dot_rows::<S, ROWS>(simd, &input[*whole as usize..][..WIDTH], rows, weights(n));
                 }
             } else {
                 for (n, ((out, whole), phase)) in readings {
-                    let input = &samples.samples[origin + *whole as usize..][..table.width()];
+                    let input = &input[*whole as usize..][..table.width()];
                     *out = dot_rows::<S, ROWS>(simd, input, table.rows(*phase as usize), weights(n));
                 }
             }
@@ -151,9 +152,13 @@ pub(super) fn read<T: Table<ROWS, WIDTH>, S: Simd, const ROWS: usize, const WIDT
             if index != current {
                 (current, table) = (index, T::get(index));
             }
-            let input = samples.about(origin.saturating_add((*whole).into()), table.width(), window);
             let rows = table.rows(phases[n] as usize);
-            *out = input.map_or(0.0, |input| dot_rows::<S, ROWS>(simd, input, rows, weights(n)));
+            // A closure would be compiled apart, for no vector unit.
+            let (at, width) = (origin.saturating_add((*whole).into()), table.width());
+            *out = match samples.about(at, width, width, window) {
+                Some(input) => dot_rows::<S, ROWS>(simd, input, rows, weights(n)),
+                None => 0.0,
+            };
         }
     }
 }
@@ -216,15 +221,51 @@ pub(super) fn transition(half_width: usize, attenuation_db: f64) -> f64 {
     (attenuation_db - 7.95) / (14.36 * (2 * half_width) as f64)
 }
 
+/// Kaiser's window of a shape β, for many taps: that is a power series of what its square root is taken of, and so a polynomial.
+pub(super) struct Window {
+    coefficients: [f64; TERMS],
+}
+
+/// Terms of the power series: what is left out is below 1e-16 of it up to β = 12.
+const TERMS: usize = 32;
+
+impl Window {
+    pub fn new(beta: f64) -> Self {
+        let quarter = beta * beta / 4.0;
+        let mut term = 1.0 / bessel_i0(beta);
+        let coefficients = std::array::from_fn(|k| {
+            if k > 0 {
+                term *= quarter / (k * k) as f64;
+            }
+            term
+        });
+        Self { coefficients }
+    }
+
+    /// Its value at a place from −1 to 1.
+    #[inline(always)]
+    fn at(&self, x: f64) -> f64 {
+        let inside = 1.0 - x * x;
+        let sum = self.coefficients.iter().rev().fold(0.0, |sum, term| sum * inside + term);
+        if inside > 0.0 { sum } else { 0.0 }
+    }
+}
+
 /// The taps that read a fraction of a sample behind the middle of 2 `half_width` samples, with a cut-off in cycles a sample.
 /// They pass a constant unchanged.
-pub(super) fn row(half_width: usize, fraction: f64, cutoff: f64, beta: f64) -> Vec<f64> {
+pub(super) fn row(half_width: usize, fraction: f64, cutoff: f64, window: &Window) -> Vec<f64> {
     let half = half_width as f64;
-    let tap = |k: usize| {
-        let x = k as f64 + 1.0 - half - fraction;
-        2.0 * cutoff * sinc(2.0 * cutoff * x) * kaiser(x / half, beta)
-    };
-    let mut row: Vec<f64> = (0..2 * half_width).map(tap).collect();
+    let place = |k: usize| k as f64 + 1.0 - half - fraction;
+    // The sine of each tap turns on from that of the one before.
+    let (turn_sin, turn_cos) = (std::f64::consts::TAU * cutoff).sin_cos();
+    let (mut sin, mut cos) = (std::f64::consts::TAU * cutoff * place(0)).sin_cos();
+    let mut row: Vec<f64> = Vec::with_capacity(2 * half_width);
+    for k in 0..2 * half_width {
+        let x = place(k);
+        row.push(if x.abs() < 1e-6 { 2.0 * cutoff } else { sin / (std::f64::consts::PI * x) });
+        (sin, cos) = (sin * turn_cos + cos * turn_sin, cos * turn_cos - sin * turn_sin);
+    }
+    row.iter_mut().enumerate().for_each(|(k, tap)| *tap *= window.at(place(k) / half));
     let sum: f64 = row.iter().sum();
     row.iter_mut().for_each(|tap| *tap /= sum);
     row
@@ -357,8 +398,22 @@ mod tests {
 
     #[test]
     fn rows_pass_constants_and_windows_end_in_nothing() {
-        for fraction in [0.0, 0.25, 0.99] {
-            assert!((row(16, fraction, 0.43, 7.0).iter().sum::<f64>() - 1.0).abs() < 1e-14);
+        for (half_width, beta) in [(16usize, 7.0), (40, 10.4), (2560, 10.4), (16, 12.0)] {
+            let cutoff = 0.43 * 16.0 / half_width as f64;
+            for fraction in [0.0, 0.25, 0.99] {
+                let found = row(half_width, fraction, cutoff, &Window::new(beta));
+                assert!((found.iter().sum::<f64>() - 1.0).abs() < 1e-14);
+                // By their definitions, tap for tap.
+                let tap = |k: usize| {
+                    let x = k as f64 + 1.0 - half_width as f64 - fraction;
+                    2.0 * cutoff * sinc(2.0 * cutoff * x) * kaiser(x / half_width as f64, beta)
+                };
+                let expected: Vec<f64> = (0..2 * half_width).map(tap).collect();
+                let sum: f64 = expected.iter().sum();
+                for (found, expected) in found.iter().zip(expected) {
+                    assert!((found - expected / sum).abs() < 1e-12, "{found}, not {}", expected / sum);
+                }
+            }
         }
         assert_eq!((kaiser(0.0, 8.0), kaiser(1.0, 8.0), kaiser(-2.0, 8.0)), (1.0, 0.0, 0.0));
         assert_eq!((sinc(0.0), sinc(2.0).abs() < 1e-15), (1.0, true));

@@ -3,8 +3,8 @@
 //!
 //! | quantity | value |
 //! | --- | --- |
-//! | pass band | falls as sinc²(f / rate): 0.6 dB at 5 kHz and 2.6 dB at 10 kHz of a recording at 44.1 kHz |
-//! | images | sinc²(k ± f / rate): 64 dB below a tone of 1 kHz, 35 dB below one of 5 kHz, 21 dB below one of 10 kHz |
+//! | pass band | falls as sinc²(f / rate): 0.4 dB at 5 kHz and 1.5 dB at 10 kHz of a recording at 44.1 kHz |
+//! | images | sinc²(k ± f / rate), the nearest and loudest: 65 dB below a tone of 1 kHz, 36 dB below one of 5 kHz, 21 dB below one of 10 kHz |
 //! | aliases | none is kept away: what is read faster than it was recorded folds |
 //! | cost a sample | two samples and one multiplication |
 

@@ -52,7 +52,8 @@ impl Table {
         // The upper end of the transition is the stop edge.
         let cutoff = 0.5 / ratio - kernel::transition(half_width, ATTENUATION_DB) / 2.0;
         let width = 2 * half_width;
-        let row = |phase: usize| kernel::row(half_width, phase as f64 / PHASES as f64, cutoff, KAISER_BETA);
+        let window = kernel::Window::new(KAISER_BETA);
+        let row = |phase: usize| kernel::row(half_width, phase as f64 / PHASES as f64, cutoff, &window);
         let mut taps = Vec::with_capacity(2 * PHASES * width);
         let mut this = row(0);
         for phase in 0..PHASES {

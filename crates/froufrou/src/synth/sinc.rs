@@ -23,8 +23,8 @@ use std::sync::OnceLock;
 
 use pulp::Simd;
 
-pub use super::kernel::MAX_RATIO;
 use super::kernel::{self, LANES, Spacing, Table as _, Taps};
+pub use super::kernel::{MAX_RATIO, MOST_COPIED};
 use super::tiny;
 
 /// Positions between two input samples at which the kernel is tabulated. Cubic interpolation errs by
@@ -63,7 +63,8 @@ impl Table {
         let half_transition = kernel::transition(half_width, KAISER_BETA / 0.1102 + 8.7) / 2.0;
         let cutoff = 0.5 * scale - half_transition;
         let fractions = (0..PHASES + 3).map(|phase| (phase as f64 - 1.0) / PHASES as f64);
-        let taps = fractions.flat_map(|fraction| kernel::row(half_width, fraction, cutoff, KAISER_BETA));
+        let window = kernel::Window::new(KAISER_BETA);
+        let taps = fractions.flat_map(|fraction| kernel::row(half_width, fraction, cutoff, &window));
         let taps: Vec<f32> = taps.map(|tap| tiny::flushed(tap as f32)).collect();
         Self { half_width, taps: Taps::new(&taps) }
     }
@@ -191,7 +192,7 @@ impl Samples<'_> {
 
     /// Reads at many positions, given in input samples, each while moving on by its `ratio` of input
     /// samples an output sample, with the vector unit `simd`. `window` is scratch memory, used near
-    /// the ends; it grows to twice [`half_width`].
+    /// the ends; it grows to [`MOST_COPIED`].
     #[inline(always)]
     pub fn read<S: Simd>(
         &self,
@@ -224,45 +225,70 @@ impl Samples<'_> {
         for (weight, taps) in weights.into_iter().zip(rows.chunks_exact(STILL_WIDTH)) {
             row.iter_mut().zip(taps).for_each(|(sum, tap)| *sum += weight * tap);
         }
-        for (out, place) in out.iter_mut().zip(places) {
-            let index = (place - fraction).round() as i64;
-            *out = match self.about(index, STILL_WIDTH, window).and_then(|input| input.first_chunk()) {
-                Some(input) => dot(simd, input, &row),
-                None => 0.0,
-            };
+        let Some(first) = places.first() else { return };
+        let first = self.within((first - fraction).round() as i64);
+        match self.about(first, STILL_WIDTH, STILL_WIDTH + places.len() - 1, window) {
+            Some(input) => {
+                for (out, input) in out.iter_mut().zip(input.windows(STILL_WIDTH)) {
+                    *out = match input.first_chunk() {
+                        Some(input) => dot(simd, input, &row),
+                        None => 0.0,
+                    };
+                }
+            }
+            None => out.fill(0.0),
         }
     }
 
-    /// So many samples about the place behind an index; none where all of them are silent.
+    /// An index of a loop within its first period.
+    #[inline(always)]
+    pub(super) fn within(&self, index: i64) -> i64 {
+        let length = self.samples.len() as i64;
+        let is_beyond = self.looped && !(0..length).contains(&index);
+        if is_beyond { index.checked_rem_euclid(length).unwrap_or(0) } else { index }
+    }
+
+    /// So many samples from the first of a row of taps on that lie about the place behind an index; none where all of them
+    /// are silent, or more than are copied at once.
     #[inline(always)]
     pub(super) fn about<'a>(
         &'a self,
-        mut index: i64,
+        index: i64,
         width: usize,
+        count: usize,
         window: &'a mut Vec<f32>,
     ) -> Option<&'a [f32]> {
         let length = self.samples.len() as i64;
-        if self.looped && !(0..length).contains(&index) {
-            index = index.checked_rem_euclid(length).unwrap_or(0);
-        }
-        let begin = index.saturating_add(1 - (width / 2) as i64);
-        let end = begin.saturating_add(width as i64);
+        let begin = self.within(index).saturating_add(1 - (width / 2) as i64);
+        let end = begin.saturating_add(count as i64);
         if begin >= 0 && end <= length {
             return Some(&self.samples[begin as usize..end as usize]);
         }
-        if length == 0 || !self.looped && (end <= 0 || begin >= length) {
+        let is_silent = length == 0 || !self.looped && (end <= 0 || begin >= length);
+        if is_silent || count > MOST_COPIED {
             return None;
         }
-        self.fill(begin, width, window);
+        self.fill(begin, count, window);
         Some(&window[..])
     }
 
     /// The samples from an index on, where they reach beyond an end.
-    #[cold]
     #[inline(never)]
-    fn fill(&self, begin: i64, width: usize, window: &mut Vec<f32>) {
+    fn fill(&self, begin: i64, count: usize, window: &mut Vec<f32>) {
         window.clear();
-        window.extend((begin..begin + width as i64).map(|index| self.at(index)));
+        let length = self.samples.len() as i64;
+        while window.len() < count {
+            let at = begin + window.len() as i64;
+            let left = (count - window.len()) as i64;
+            let at = if self.looped { at.rem_euclid(length) } else { at };
+            if at < 0 {
+                window.resize(window.len() + left.min(-at) as usize, 0.0);
+            } else if at >= length {
+                window.resize(count, 0.0);
+            } else {
+                window.extend_from_slice(&self.samples[at as usize..(at + left).min(length) as usize]);
+            }
+        }
     }
 }
 
@@ -313,6 +339,53 @@ pub(super) mod tests {
         let mut out = [0.0];
         samples.read(pulp::Scalar, &[position], &[ratio], &mut out, window);
         out[0]
+    }
+
+    #[test]
+    fn near_its_ends_a_sound_is_read_as_if_silence_were_written_out() {
+        const LENGTH: usize = 700;
+        const BEFORE: usize = 30_000;
+        let sound = tone(0.037, LENGTH);
+        let [mut silent, mut repeated] = [vec![0.0f32; 2 * BEFORE + LENGTH], Vec::new()];
+        silent[BEFORE..BEFORE + LENGTH].copy_from_slice(&sound);
+        repeated.extend(sound.iter().copied().cycle().skip(LENGTH - BEFORE % LENGTH).take(silent.len()));
+        for (looped, written) in [(false, &silent), (true, &repeated)] {
+            let found = Samples { samples: &sound, looped };
+            let expected = Samples { samples: written, looped: false };
+            for (step, begin) in [
+                (0.3, -90.3),
+                (1.0, -40.5),
+                (1.0, 690.5),
+                (1.7, -700.1),
+                (-0.7, 720.2),
+                (9.0, -900.7),
+                (63.0, -5000.2),
+            ] {
+                // The positions of both are rounded alike.
+                let begin: f64 = (begin * 64.0f64).round() / 64.0;
+                let step: f64 = (step * 64.0f64).round() / 64.0;
+                let positions: Vec<f64> = (0..300).map(|n| begin + f64::from(n) * step).collect();
+                let moved: Vec<f64> = positions.iter().map(|position| position + BEFORE as f64).collect();
+                // One table for all, and one after the other.
+                for bend in [0.0, 1e-3] {
+                    let ratios: Vec<f64> =
+                        (0..300).map(|n| step.abs() * (1.0 + bend * f64::from(n))).collect();
+                    let (mut out, window) = ([vec![0.0; 300], vec![f32::NAN; 300]], &mut Vec::new());
+                    found.read(pulp::Scalar, &positions, &ratios, &mut out[0], window);
+                    expected.read(pulp::Scalar, &moved, &ratios, &mut out[1], window);
+                    assert_eq!(out[0], out[1], "{looped}, {step}");
+                    found.read_short(pulp::Scalar, &positions, &ratios, &mut out[0], window);
+                    expected.read_short(pulp::Scalar, &moved, &ratios, &mut out[1], window);
+                    assert_eq!(out[0], out[1], "short, {looped}, {step}");
+                }
+                if step == 1.0 {
+                    let (mut out, window) = ([vec![0.0; 300], vec![f32::NAN; 300]], &mut Vec::new());
+                    found.read_still(pulp::Scalar, begin, &positions, &mut out[0], window);
+                    expected.read_still(pulp::Scalar, moved[0], &moved, &mut out[1], window);
+                    assert_eq!(out[0], out[1], "still, {looped}");
+                }
+            }
+        }
     }
 
     pub fn tone(frequency: f64, length: usize) -> Vec<f32> {

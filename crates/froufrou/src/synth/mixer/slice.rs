@@ -474,7 +474,7 @@ fn ratio_of(voices: &Voices, heard: &Heard, segment: &Segment) -> f64 {
 impl Desk {
     /// That of a mixer, for blocks of so many frames at most.
     pub fn new(voices: &Voices, most_frames: usize) -> Self {
-        let window = Vec::with_capacity(2 * sinc::half_width(sinc::MAX_RATIO));
+        let window = Vec::with_capacity(sinc::MOST_COPIED);
         let buses = voices.buses().cloned().collect();
         let (rate_hz, kernel, voice) = (voices.rate_hz, voices.kernel, vec![0.0; most_frames]);
         Self { rate_hz, kernel, buses, voice, window, fade: share::fade(rate_hz) }
