@@ -23,6 +23,8 @@ pub struct MovingBodies {
     next_s: Option<f64>,
     transforms: Vec<Transform>,
     file: std::path::PathBuf,
+    /// Whether a frame was taken since it was said how far all is told.
+    is_new: bool,
     over: bool,
 }
 
@@ -89,6 +91,7 @@ impl MovingBodies {
             next_s: None,
             transforms: Vec::new(),
             file: scene.file.clone(),
+            is_new: false,
             over: false,
         };
         events.next_s = events.after(f64::MIN);
@@ -149,7 +152,27 @@ impl MovingBodies {
         }
         self.analyser.feed(time_s, &self.transforms)?;
         self.next_s = self.after(time_s);
+        self.is_new = true;
         Ok(())
+    }
+
+    /// The next event, and after each frame [`Event::Quiet`], which says how far all is told.
+    pub(crate) fn next_step(&mut self) -> Option<Result<Event>> {
+        loop {
+            if let Some(event) = self.analyser.next_event() {
+                return Some(Ok(event));
+            }
+            if self.over {
+                return None;
+            }
+            if std::mem::take(&mut self.is_new) {
+                return Some(Ok(Event::Quiet(self.analyser.settled_s())));
+            }
+            if let Err(fault) = self.step() {
+                self.over = true;
+                return Some(Err(fault.in_file(self.file.clone())));
+            }
+        }
     }
 }
 
@@ -158,15 +181,9 @@ impl Iterator for MovingBodies {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            if let Some(event) = self.analyser.next_event() {
-                return Some(Ok(event));
-            }
-            if self.over {
-                return None;
-            }
-            if let Err(fault) = self.step() {
-                self.over = true;
-                return Some(Err(fault.in_file(self.file.clone())));
+            let step = self.next_step()?;
+            if !matches!(step, Ok(Event::Quiet(_))) {
+                return Some(step);
             }
         }
     }

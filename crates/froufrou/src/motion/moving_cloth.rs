@@ -8,7 +8,7 @@ use super::cloth::sliding::{Sliding, SlidingSettings};
 use super::cloth::tension::TensionSettings;
 use super::cloth::{Analyser, ClothSettings, Participant, Restart};
 use super::event::Event;
-use super::moving_meshes::{Analyse, Force, MovingMeshes, WithMesh, are_told, with_meshes};
+use super::moving_meshes::{Analyse, Force, MovingMeshes, Step, WithMesh, are_told, with_meshes};
 use crate::Result;
 use crate::scene::Scene;
 use crate::scene::animation::Mesh;
@@ -152,6 +152,10 @@ impl Analyse for Cloths {
         event.or_else(sliding).or_else(|| self.analyser.next_restart().map(Told::Restart))
     }
 
+    fn settled_s(&self) -> f64 {
+        self.analyser.settled_s()
+    }
+
     fn finish(&mut self) {
         self.analyser.finish();
     }
@@ -252,15 +256,18 @@ fn cloths_among(
 }
 
 /// What the cloths of a scene do, in order of time: the objects whose materials have a `cloth`, along all that have a
-/// mesh. Swarms are left out. Where meshes are told as they move there are none: a feed looks at those.
+/// mesh. Swarms are left out. Where meshes are told as they move there are none: a feed looks at those. After each frame
+/// [`Event::Quiet`] says how far all is told.
 ///
 /// # Errors
 /// An object of cloth without a mesh; what cannot be read, later on.
 pub fn events(scene: &Scene, world: &World) -> Result<impl Iterator<Item = Result<Event>> + Send + use<>> {
-    let cloths = cloths_of(scene, world, true, settings)?;
-    Ok(cloths.into_iter().flatten().filter_map(|told| match told {
-        Ok(Told::Event(event)) => Some(Ok(event)),
-        Ok(Told::Sliding(_) | Told::Restart(_)) => None,
+    let mut cloths = cloths_of(scene, world, true, settings)?;
+    let steps = std::iter::from_fn(move || cloths.as_mut()?.0.next_step());
+    Ok(steps.filter_map(|step| match step {
+        Ok(Step::Told(Told::Event(event))) => Some(Ok(event)),
+        Ok(Step::Told(Told::Sliding(_) | Told::Restart(_))) => None,
+        Ok(Step::Settled(time_s)) => Some(Ok(Event::Quiet(time_s))),
         Err(fault) => Some(Err(fault)),
     }))
 }

@@ -24,8 +24,19 @@ pub(super) trait Analyse {
     /// What is ready, one after the other.
     fn told(&mut self) -> Option<Self::Told>;
 
+    /// Nothing that is still to be told happens before this, in seconds, once all that is ready has been told.
+    fn settled_s(&self) -> f64;
+
     /// Ends it: what was not settled is ready then.
     fn finish(&mut self);
+}
+
+/// What is told, and how far all is told.
+pub(super) enum Step<T> {
+    /// This.
+    Told(T),
+    /// Nothing that is still to be told happens before this, in seconds.
+    Settled(f64),
 }
 
 /// Frames of some objects. It ends after its first error.
@@ -40,6 +51,8 @@ pub(super) struct MovingMeshes<A> {
     next_s: Option<f64>,
     meshes: Vec<Mesh>,
     file: PathBuf,
+    /// Whether a frame was taken since it was said how far all is told.
+    is_new: bool,
     over: bool,
 }
 
@@ -75,6 +88,7 @@ impl<A: Analyse> MovingMeshes<A> {
             meshes: vec![Mesh::default(); carriers.len()],
             carriers,
             file,
+            is_new: false,
             over: false,
         })
     }
@@ -110,7 +124,27 @@ impl<A: Analyse> MovingMeshes<A> {
         };
         self.frame(time_s)?;
         self.next_s = self.carriers[self.leading].next_key_s(time_s);
+        self.is_new = true;
         Ok(())
+    }
+
+    /// The next that is told, and after each frame how far all is told.
+    pub fn next_step(&mut self) -> Option<Result<Step<A::Told>>> {
+        loop {
+            if let Some(told) = self.analyser.told() {
+                return Some(Ok(Step::Told(told)));
+            }
+            if self.over {
+                return None;
+            }
+            if std::mem::take(&mut self.is_new) {
+                return Some(Ok(Step::Settled(self.analyser.settled_s())));
+            }
+            if let Err(fault) = self.step() {
+                self.over = true;
+                return Some(Err(fault.in_file(self.file.clone())));
+            }
+        }
     }
 }
 
@@ -119,15 +153,10 @@ impl<A: Analyse> Iterator for MovingMeshes<A> {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            if let Some(told) = self.analyser.told() {
-                return Some(Ok(told));
-            }
-            if self.over {
-                return None;
-            }
-            if let Err(fault) = self.step() {
-                self.over = true;
-                return Some(Err(fault.in_file(self.file.clone())));
+            match self.next_step()? {
+                Ok(Step::Told(told)) => return Some(Ok(told)),
+                Ok(Step::Settled(_)) => {}
+                Err(fault) => return Some(Err(fault)),
             }
         }
     }

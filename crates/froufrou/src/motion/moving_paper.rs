@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::cloth::Restart;
 use super::event::Event;
-use super::moving_meshes::{Analyse, Force, MovingMeshes, WithMesh, are_told, with_meshes};
+use super::moving_meshes::{Analyse, Force, MovingMeshes, Step, WithMesh, are_told, with_meshes};
 use super::paper::ready_made::{Partition, Reader};
 use super::paper::{Analyser, PaperSettings, Participant};
 use crate::scene::Scene;
@@ -219,6 +219,10 @@ impl Analyse for Sheets {
         event.or_else(|| self.analyser.next_restart().map(Told::Restart))
     }
 
+    fn settled_s(&self) -> f64 {
+        self.analyser.settled_s()
+    }
+
     /// Nothing is left.
     fn finish(&mut self) {}
 }
@@ -246,16 +250,19 @@ fn settings(paper: &Paper) -> PaperSettings {
 }
 
 /// What the sheets of paper of a scene do, in order of time: the objects whose materials have a `paper`, along all that
-/// have a mesh. Swarms are left out. Where meshes are told as they move there are none: a feed looks at those.
+/// have a mesh. Swarms are left out. Where meshes are told as they move there are none: a feed looks at those. After each
+/// frame [`Event::Quiet`] says how far all is told.
 ///
 /// # Errors
 /// An object of paper without a mesh, regions that cannot be read; what cannot be read, later on.
 pub fn events(scene: &Scene, world: &World) -> Result<impl Iterator<Item = Result<Event>> + Send + use<>> {
     let bodies = with_meshes(scene, world, "paper", |material| material.paper.is_some())?;
-    let sheets = if are_told(&bodies) { None } else { told(scene, bodies)? };
-    Ok(sheets.into_iter().flatten().filter_map(|told| match told {
-        Ok(Told::Event(event)) => Some(Ok(*event)),
-        Ok(Told::Restart(_)) => None,
+    let mut sheets = if are_told(&bodies) { None } else { told(scene, bodies)? };
+    let steps = std::iter::from_fn(move || sheets.as_mut()?.0.next_step());
+    Ok(steps.filter_map(|step| match step {
+        Ok(Step::Told(Told::Event(event))) => Some(Ok(*event)),
+        Ok(Step::Told(Told::Restart(_))) => None,
+        Ok(Step::Settled(time_s)) => Some(Ok(Event::Quiet(time_s))),
         Err(fault) => Some(Err(fault)),
     }))
 }

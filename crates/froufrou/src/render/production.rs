@@ -135,7 +135,7 @@ impl Production {
         learning: Option<Learning>,
     ) -> Result<ChannelLines<'_>> {
         let tracing = Tracing::of(&self.scene, &self.world)?;
-        let events = self.events()?.and(told);
+        let events = Events::looking_ahead(&self.scene, &self.world)?.and(told);
         let (scene, world, header) = (&self.scene, &self.world, &self.header);
         let composer = Composer::new(scene, world, header, facts(&self.prototypes), LATEST_S, events)?;
         let propagation = Propagation::new(&self.header, composer.pulsing(key_step_s).learning(learning))?;
@@ -158,8 +158,8 @@ impl Production {
             };
             groups.entry(group).or_default().push((sound.clone(), later.clone()));
         }
-        let (scene, header) = (self.scene.clone(), self.header.clone());
-        let loading = Loading { groups: groups.into_values().collect(), folder, scene, header, learnt };
+        let (scene, uses) = (self.scene.clone(), compose::uses(&self.scene, &self.header));
+        let loading = Loading { groups: groups.into_values().collect(), folder, scene, uses, learnt };
         (later, learning, loading)
     }
 
@@ -173,9 +173,9 @@ impl Production {
 pub struct Loading {
     groups: Vec<Vec<(Sound, Later)>>,
     folder: PathBuf,
-    /// What they are for.
+    /// What they are for: the sounds of the scene that play them, by their names.
     scene: Arc<Scene>,
-    header: ObjectHeader,
+    uses: BTreeMap<String, Vec<usize>>,
     learnt: Sender<(String, SoundFacts)>,
 }
 
@@ -191,14 +191,17 @@ impl Loading {
         for group in self.groups {
             let sounds: Vec<Sound> = group.iter().map(|(sound, _)| sound.clone()).collect();
             let loaded = prototypes::load(&sounds, &self.folder).and_then(|loaded| {
-                for (name, facts) in facts(&loaded) {
-                    compose::check_use(&self.scene, &self.header, &name, &facts)?;
+                let known: Vec<_> = facts(&loaded).collect();
+                for (name, facts) in &known {
+                    for &index in self.uses.get(name).into_iter().flatten() {
+                        compose::check_use(&self.scene, &self.scene.sounds[index], facts)?;
+                    }
                 }
                 // What is learnt of a sound comes when it is there.
                 for ((_, sounding), (_, later)) in loaded.iter().zip(&group) {
                     later.set(sounding.clone());
                 }
-                for known in facts(&loaded) {
+                for known in known {
                     let _ = self.learnt.send(known);
                 }
                 Ok(())

@@ -6,6 +6,7 @@
 
 mod cloth;
 mod contacts;
+mod events;
 mod going;
 mod grains;
 mod learning;
@@ -16,12 +17,12 @@ mod voice;
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap, HashMap, VecDeque};
-use std::iter::Peekable;
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 
 use self::cloth::Wardrobe;
 use self::contacts::LEAST_QUIET;
+pub use self::events::Events;
 use self::going::Going;
 use self::grains::Flow;
 use self::paper::Papers;
@@ -34,17 +35,14 @@ use super::{
 use crate::corpus::cloth::ClothSound;
 use crate::corpus::dictionary::Dictionary;
 use crate::corpus::paper::PaperSound;
-use crate::motion::contacts::LogEvents;
 use crate::motion::event::{Event, Friction};
-use crate::motion::moving::MovingBodies;
-use crate::motion::moving_cloth::{self, buckle_energies};
-use crate::motion::moving_paper;
+use crate::motion::moving_cloth::buckle_energies;
 use crate::motion::rub::Rubbing;
 use crate::random::Random;
 use crate::scene::carrier::Carrier;
 use crate::scene::file::{Acoustics, Emitter, Material, Played, Scene, SceneSound, StartKey, Timing};
 use crate::scene::presence::Presence;
-use crate::scene::world::{RigidBodies, World};
+use crate::scene::world::World;
 use crate::time::Time;
 use crate::{Error, Result};
 
@@ -95,35 +93,37 @@ pub fn header(scene: &Scene, world: &World) -> Result<ObjectHeader> {
     })
 }
 
-/// Finds out whether a sound of a score's header can do what the scene wants of it.
+/// Finds out whether what a sound of a scene plays can do what the scene wants of it.
 ///
 /// # Errors
 /// A control that it does not have; strikes for what does not ring.
-pub(crate) fn check_use(scene: &Scene, header: &ObjectHeader, name: &str, facts: &SoundFacts) -> Result<()> {
+pub(crate) fn check_use(scene: &Scene, sound: &SceneSound, facts: &SoundFacts) -> Result<()> {
     let fault = |what: &str| Error::new(what).in_file(&scene.file);
-    let is_it = |played: &Played| {
-        let wanted = palette::sound_of(played, 0, &scene.instruments);
-        header
-            .sounds
-            .iter()
-            .find(|sound| palette::same(sound, &wanted))
-            .is_some_and(|sound| sound.name == name)
-    };
-    for sound in scene.sounds.iter().filter(|sound| is_it(&sound.played)) {
-        let mut set = sound.set.iter().flat_map(|key| &key.values).map(|(name, _)| name);
-        if let Some(unknown) = set.find(|name| !facts.controls.contains(name)) {
-            let what = format!("`set` names `{unknown}`, which its instrument has no control for");
-            return Err(fault(&what).help(match facts.controls.as_slice() {
-                [] => "it has none".into(),
-                known => format!("it has {}", known.join(", ")),
-            }));
-        }
-        if matches!(sound.timing, Timing::Strikes(_)) && facts.ring_s.is_none() {
-            return Err(fault("an instrument is struck by `at`, and it does not ring")
-                .help("give it `from` and `to` instead"));
-        }
+    let mut set = sound.set.iter().flat_map(|key| &key.values).map(|(name, _)| name);
+    if let Some(unknown) = set.find(|name| !facts.controls.contains(name)) {
+        let what = format!("`set` names `{unknown}`, which its instrument has no control for");
+        return Err(fault(&what).help(match facts.controls.as_slice() {
+            [] => "it has none".into(),
+            known => format!("it has {}", known.join(", ")),
+        }));
+    }
+    if matches!(sound.timing, Timing::Strikes(_)) && facts.ring_s.is_none() {
+        return Err(fault("an instrument is struck by `at`, and it does not ring")
+            .help("give it `from` and `to` instead"));
     }
     Ok(())
+}
+
+/// Which sounds of a scene play a sound of its score's header, by its name.
+pub(crate) fn uses(scene: &Scene, header: &ObjectHeader) -> BTreeMap<String, Vec<usize>> {
+    let mut uses: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+    for (index, sound) in scene.sounds.iter().enumerate() {
+        let wanted = palette::sound_of(&sound.played, 0, &scene.instruments);
+        if let Some(played) = header.sounds.iter().find(|sound| palette::same(sound, &wanted)) {
+            uses.entry(played.name.clone()).or_default().push(index);
+        }
+    }
+    uses
 }
 
 /// The scene itself, where its bodies, its walls or its air do something to sound.
@@ -157,64 +157,6 @@ pub struct SoundFacts {
 
 /// Where a composer learns of sounds that are still being loaded, by their names.
 pub type Learning = Receiver<(String, SoundFacts)>;
-
-/// What happens in a scene by itself, told by its contact logs and by how its objects move, in time order.
-pub struct Events {
-    sources: Vec<Peekable<EventSource>>,
-}
-
-type EventSource = Box<dyn Iterator<Item = Result<Event>> + Send>;
-
-impl Events {
-    /// Opens the contact logs of a scene, and looks at the objects whose contacts are found from their motion.
-    ///
-    /// # Errors
-    /// A log that cannot be read; an object that is not there, or is no rigid body.
-    pub fn open(scene: &Scene, world: &World) -> Result<Self> {
-        let mut sources: Vec<Peekable<EventSource>> = Vec::new();
-        let rigid = RigidBodies::of(scene, world);
-        for contacts in &scene.contacts {
-            let log: EventSource = Box::new(LogEvents::open(contacts, rigid.clone())?);
-            sources.push(log.peekable());
-        }
-        for touching in &scene.touching {
-            let bodies: EventSource = Box::new(MovingBodies::open(scene, world, touching)?);
-            sources.push(bodies.peekable());
-        }
-        let cloth: EventSource = Box::new(moving_cloth::events(scene, world)?);
-        sources.push(cloth.peekable());
-        let paper: EventSource = Box::new(moving_paper::events(scene, world)?);
-        sources.push(paper.peekable());
-        Ok(Self { sources })
-    }
-
-    /// The same, and what is told besides, in order of time.
-    #[must_use]
-    pub fn and(mut self, told: impl Iterator<Item = Result<Event>> + Send + 'static) -> Self {
-        let told: EventSource = Box::new(told);
-        self.sources.push(told.peekable());
-        self
-    }
-}
-
-impl Iterator for Events {
-    type Item = Result<Event>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        let mut first: Option<(usize, f64)> = None;
-        for (index, source) in self.sources.iter_mut().enumerate() {
-            let time_s = match source.peek() {
-                None => continue,
-                Some(Err(_)) => f64::NEG_INFINITY,
-                Some(Ok(event)) => event.time_s(),
-            };
-            if first.is_none_or(|(_, earliest_s)| time_s < earliest_s) {
-                first = Some((index, time_s));
-            }
-        }
-        self.sources[first?.0].next()
-    }
-}
 
 /// Makes the lines of a scene's score. An iterator; it ends after its first error.
 pub struct Composer<'a, E> {
@@ -444,11 +386,12 @@ impl<'a, E: Iterator<Item = Result<Event>>> Composer<'a, E> {
 
     /// The starts that are set by hand, in order of time.
     fn planned(&self) -> Result<VecDeque<Planned>> {
-        for (name, facts) in &self.facts {
-            check_use(self.scene, self.header, name, facts)?;
-        }
         let mut starts = Vec::new();
         for (index, sound) in self.scene.sounds.iter().enumerate() {
+            let name = self.name_of(&sound.played, 0);
+            if let Some(facts) = name.and_then(|name| self.facts.get(&name)) {
+                check_use(self.scene, sound, facts)?;
+            }
             let bodies = match sound.emitter {
                 Emitter::Object(object) => self.world.objects[object].len(),
                 Emitter::Around(None) => self.header.receivers.len(),

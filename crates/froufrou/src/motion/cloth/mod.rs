@@ -298,9 +298,13 @@ impl Analyser {
             let buckled = self.cloths[at].feed(time_s, self.meshes.objects());
             self.tell(at, buckled);
         }
-        let settled_s = self.cloths.iter().map(Cloth::settled_s).fold(f64::INFINITY, f64::min);
-        self.release(settled_s);
+        self.release(self.settled_s());
         Ok(())
+    }
+
+    /// Nothing that is still to be told happens before this, in seconds.
+    pub fn settled_s(&self) -> f64 {
+        self.cloths.iter().map(Cloth::settled_s).fold(f64::INFINITY, f64::min)
     }
 
     /// Ends it: what was not settled is ready then.

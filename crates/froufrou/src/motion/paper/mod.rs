@@ -435,6 +435,11 @@ impl Analyser {
         self.ready.pop_front()
     }
 
+    /// Nothing that is still to be told happens before this, in seconds.
+    pub fn settled_s(&self) -> f64 {
+        self.meshes.last_s().unwrap_or(f64::NEG_INFINITY)
+    }
+
     /// The next object of which all was forgotten.
     pub fn next_restart(&mut self) -> Option<Restart> {
         self.restarts.pop_front()

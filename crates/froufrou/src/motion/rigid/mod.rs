@@ -150,6 +150,11 @@ impl Analyser {
         self.found.pop_front()
     }
 
+    /// Nothing that is still to be told happens before this, in seconds.
+    pub fn settled_s(&self) -> f64 {
+        self.next.checked_sub(1).and_then(|frame| self.time_s(frame)).unwrap_or(f64::NEG_INFINITY)
+    }
+
     /// The time of a frame that is remembered.
     fn time_s(&self, frame: usize) -> Option<f64> {
         let first = self.fed - self.times.len();

@@ -94,7 +94,7 @@ pub fn start(scene: Scene, settings: EngineSettings) -> Result<(Handle, Player)>
     let spawned = {
         let (wires, settings) = (wires.clone(), settings.clone());
         std::thread::Builder::new().name("froufrou".into()).spawn(move || {
-            let run = work(scene, &settings, coming, &wires, &ready);
+            let run = team().and_then(|team| team.install(|| work(scene, &settings, coming, &wires, ready)));
             if let Err(error) = run {
                 wires.faults.end(error);
             }
@@ -336,13 +336,22 @@ fn load(loading: Loading, wires: &Wires) -> Result<()> {
     spawned.map(drop).map_err(|error| Error::new("there is no thread to load sounds").because(error))
 }
 
+/// The worker and those who help it. They are of its own: where it waited for those of all the program it would wait for
+/// whatever else these do, such as looking at a mesh.
+fn team() -> Result<rayon::ThreadPool> {
+    let threads = rayon::ThreadPoolBuilder::new().thread_name(|_| "froufrou".into());
+    threads.build().map_err(|error| Error::new("there are no threads for the worker").because(error))
+}
+
 fn work(
     scene: Scene,
     settings: &EngineSettings,
     told: rtrb::Consumer<Told>,
     wires: &Wires,
-    ready: &mpsc::SyncSender<(Ends, Player)>,
+    ready: mpsc::SyncSender<(Ends, Player)>,
 ) -> Result<()> {
+    // Nobody else has set it.
+    let _ = wires.worker.set(std::thread::current());
     let chain = Chain::open(scene, settings)?;
     let (mixer, _, mut ends) = chain.mixer(settings, told, wires)?;
     let part = Settings {

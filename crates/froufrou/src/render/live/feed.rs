@@ -3,7 +3,8 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::Ordering::{Acquire, Release};
 use std::sync::atomic::{AtomicBool, AtomicU64};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::thread::Thread;
 use std::time::Duration;
 
 use rtrb::Consumer;
@@ -56,6 +57,8 @@ pub(super) struct Wires {
     pub taken: Arc<AtomicU64>,
     /// Whether the worker waits for what is told next.
     pub rests: Arc<AtomicBool>,
+    /// Who works.
+    pub worker: Arc<OnceLock<Thread>>,
     /// How many sounds are loaded, of how many.
     pub loaded: Arc<[AtomicU64; 2]>,
     pub faults: Faults,
@@ -107,6 +110,13 @@ impl Faults {
 
     pub fn take(&self) -> Option<Error> {
         self.all().pop_front()
+    }
+}
+
+impl Wires {
+    /// Wakes the worker, where it sleeps.
+    pub fn wake(&self) {
+        self.worker.get().into_iter().for_each(Thread::unpark);
     }
 }
 

@@ -504,9 +504,7 @@ impl Handle {
         self.known_s = Some(time_s);
         self.owed_s = Some(time_s);
         self.settle_debt();
-        if let Some(worker) = &self.worker {
-            worker.thread().unpark();
-        }
+        self.wires.wake();
         Ok(())
     }
 
@@ -642,8 +640,8 @@ impl Handle {
 impl Drop for Handle {
     fn drop(&mut self) {
         self.wires.stop.store(true, Release);
+        self.wires.wake();
         if let Some(worker) = self.worker.take() {
-            worker.thread().unpark();
             // It has told its fault, if it had one.
             let _ = worker.join();
         }
