@@ -20,6 +20,9 @@ type Frame = [f32; CHANNELS];
 
 /// A block that the device asked for.
 struct Block {
+    /// By the system's clock.
+    asked_us: u64,
+    /// Since the first of them.
     asked_s: f64,
     took_s: f64,
     /// Its first frame, of what was given.
@@ -43,17 +46,53 @@ fn sound(path: &Path) -> Result<Vec<Frame>> {
     Ok(bytes.chunks_exact(8).map(|frame| [sample(&frame[..4]), sample(&frame[4..])]).collect())
 }
 
-fn blocks(path: &Path) -> Result<Vec<Block>> {
+/// The whole numbers of a table, line by line.
+fn numbers<const COLUMNS: usize>(path: &Path) -> Result<Vec<[u64; COLUMNS]>> {
     let text = std::fs::read_to_string(path).map_err(|fault| Error::io("read", path, fault))?;
-    let mut from = 0;
-    let mut block = |line: &str| {
-        let mut numbers = line.split(',').map(|cell| cell.parse::<u64>().unwrap_or(0));
-        let mut next = || numbers.next().unwrap_or(0);
-        let (asked_s, took_s, frames) = (next() as f64 * 1e-6, next() as f64 * 1e-6, next() as usize);
-        from += frames;
-        Block { asked_s, took_s, from: from - frames, frames }
+    let line = |line: &str| {
+        let mut cells = line.split(',').map(|cell| cell.parse::<u64>().unwrap_or(0));
+        std::array::from_fn(|_| cells.next().unwrap_or(0))
     };
-    Ok(text.lines().skip(1).map(&mut block).collect())
+    Ok(text.lines().skip(1).map(line).collect())
+}
+
+fn blocks(path: &Path) -> Result<Vec<Block>> {
+    let numbers: Vec<[u64; 3]> = numbers(path)?;
+    let begun_us = numbers.first().map_or(0, |[asked_us, ..]| *asked_us);
+    let mut from = 0;
+    let mut block = |[asked_us, took_us, frames]: [u64; 3]| {
+        let frames = frames as usize;
+        from += frames;
+        let seconds = |us: u64| us as f64 * 1e-6;
+        let (asked_s, took_s) = (seconds(asked_us - begun_us), seconds(took_us));
+        Block { asked_us, asked_s, took_s, from: from - frames, frames }
+    };
+    Ok(numbers.into_iter().map(&mut block).collect())
+}
+
+/// When each core stood still, in microseconds, in order of time; none where nobody watched.
+struct Cores(Vec<Vec<[u64; 2]>>);
+
+impl Cores {
+    fn open(folder: &Path) -> Result<Self> {
+        let mut cores = Vec::new();
+        while let path = folder.join(format!("watch-{}.csv", cores.len()))
+            && path.exists()
+        {
+            cores.push(numbers(&path)?);
+        }
+        Ok(Self(cores))
+    }
+
+    /// For how long one of them stood still between two times, at most, in seconds.
+    fn still_s(&self, [from_us, to_us]: [u64; 2]) -> f64 {
+        let still = |core: &Vec<[u64; 2]>| -> u64 {
+            let begin = core.partition_point(|[_, to]| *to <= from_us);
+            let within = core[begin..].iter().take_while(|[from, _]| *from < to_us);
+            within.map(|[from, to]| to.min(&to_us) - from.max(&from_us)).sum()
+        };
+        self.0.iter().map(still).max().unwrap_or(0) as f64 * 1e-6
+    }
 }
 
 type Key = [[u32; CHANNELS]; KEY];
@@ -122,26 +161,63 @@ fn follow(recorded: &[Frame], given: &[Frame]) -> Result<([usize; 2], usize, Vec
     }
 }
 
-/// What went before a gap on our side, if something did.
-fn cause(blocks: &[Block], given: usize) -> String {
+impl Block {
+    /// For how long it sounds.
+    fn sounds_s(&self) -> f64 {
+        self.frames as f64 / f64::from(RATE_HZ)
+    }
+
+    fn is_late(&self) -> bool {
+        self.took_s > self.sounds_s()
+    }
+
+    /// From when to when it was made.
+    fn span_us(&self) -> [u64; 2] {
+        [self.asked_us, self.asked_us + (self.took_s * 1e6) as u64]
+    }
+}
+
+/// Why there is a gap: in a few words, and all that is known.
+fn cause(blocks: &[Block], cores: &Cores, given: usize) -> (&'static str, String) {
     let at = blocks.partition_point(|block| block.from + block.frames <= given);
     let near = &blocks[at.saturating_sub(8)..(at + 8).min(blocks.len())];
-    let budget_s = |block: &Block| block.frames as f64 / f64::from(RATE_HZ);
-    let slow = near.iter().max_by(|a, b| (a.took_s / budget_s(a)).total_cmp(&(b.took_s / budget_s(b))));
-    if let Some(block) = slow
-        && block.took_s > budget_s(block)
-    {
-        return format!("a block of {} frames took {:.2} ms", block.frames, 1000.0 * block.took_s);
+    let stood = |still_s: f64| format!("a core stood still for {:.2} ms of that", 1000.0 * still_s);
+    let slow = near.iter().max_by(|a, b| (a.took_s / a.sounds_s()).total_cmp(&(b.took_s / b.sounds_s())));
+    if let Some(block) = slow.filter(|block| block.is_late()) {
+        let still_s = cores.still_s(block.span_us());
+        let kind = match block.took_s - still_s > block.sounds_s() {
+            true => "a block of ours was slow",
+            false => "a block of ours was slow because the machine stood still",
+        };
+        let took_ms = 1000.0 * block.took_s;
+        return (
+            kind,
+            format!("a block of {} frames took {took_ms:.2} ms; {}", block.frames, stood(still_s)),
+        );
     }
     // It is asked for as much as it has played.
-    let mut late_s: f64 = 0.0;
-    for pair in near.windows(2) {
-        late_s = late_s.max(pair[1].asked_s - pair[0].asked_s - budget_s(&pair[1]));
+    let late_s = |pair: &[Block]| pair[1].asked_s - pair[0].asked_s - pair[1].sounds_s();
+    let late = near.windows(2).max_by(|a, b| late_s(a).total_cmp(&late_s(b)));
+    if let Some(pair) = late.filter(|pair| late_s(pair) > 0.001) {
+        let still_s = cores.still_s([pair[0].asked_us, pair[1].asked_us]);
+        let kind = match late_s(pair) - still_s > 0.001 {
+            true => "the device asked late",
+            false => "the device asked late because the machine stood still",
+        };
+        let late_ms = 1000.0 * late_s(pair);
+        return (
+            kind,
+            format!("the device asked {late_ms:.2} ms later than the blocks sound; {}", stood(still_s)),
+        );
     }
-    if late_s > 0.001 {
-        return format!("the device asked {:.2} ms later than the blocks sound", 1000.0 * late_s);
-    }
-    "nothing on our side: the server".to_owned()
+    let span_us =
+        near.first().zip(near.last()).map_or([0; 2], |(first, last)| [first.asked_us, last.asked_us]);
+    let still_s = cores.still_s(span_us);
+    let kind = match still_s > 0.001 {
+        true => "nothing on our side, and the machine stood still",
+        false => "nothing on our side",
+    };
+    (kind, format!("nothing on our side: the server; {}", stood(still_s)))
 }
 
 /// Tells how a recording differs from what was given.
@@ -151,6 +227,7 @@ fn cause(blocks: &[Block], given: usize) -> String {
 pub fn compare(folder: &Path) -> Result<()> {
     let (recorded, given) = (sound(&folder.join("recorded.f32"))?, sound(&folder.join("given.f32"))?);
     let blocks = blocks(&folder.join("blocks.csv"))?;
+    let cores = Cores::open(folder)?;
     let seconds = |frames: usize| frames as f64 / f64::from(RATE_HZ);
     let (first, same, gaps) = follow(&recorded, &given)?;
     println!(
@@ -170,12 +247,7 @@ pub fn compare(folder: &Path) -> Result<()> {
             continue;
         }
         count += 1;
-        let why = cause(&blocks, gap.given);
-        let kind = match why.get(..7) {
-            Some("a block") => "a block of ours was slow",
-            Some("the dev") => "the device asked late",
-            _ => "nothing on our side",
-        };
+        let (kind, why) = cause(&blocks, &cores, gap.given);
         *causes.entry(kind).or_default() += 1;
         if count <= 100 {
             println!(
@@ -194,6 +266,29 @@ pub fn compare(folder: &Path) -> Result<()> {
     let mut causes: Vec<_> = causes.into_iter().collect();
     causes.sort_unstable();
     causes.iter().for_each(|(why, count)| println!("  {count} where {why}"));
+    let late: Vec<&Block> = blocks.iter().filter(|block| block.is_late()).collect();
+    let ours =
+        late.iter().filter(|block| block.took_s - cores.still_s(block.span_us()) > block.sounds_s()).count();
+    println!(
+        "{} blocks took longer than they sound, {ours} of them even without the time that a core stood still",
+        late.len()
+    );
+    for block in late.iter().take(40) {
+        let still_ms = 1000.0 * cores.still_s(block.span_us());
+        let (at_s, took_ms, sounds_ms) = (block.asked_s, 1000.0 * block.took_s, 1000.0 * block.sounds_s());
+        println!(
+            "  at {at_s:.3} s: {took_ms:.2} ms for {sounds_ms:.2} ms of sound, a core stood still for {still_ms:.2} ms of it"
+        );
+    }
+    for (number, core) in cores.0.iter().enumerate() {
+        let still_us = core.iter().map(|[from, to]| to - from);
+        let (all_ms, most_ms) =
+            (still_us.clone().sum::<u64>() as f64 / 1e3, still_us.max().unwrap_or(0) as f64 / 1e3);
+        println!(
+            "core {number} stood still {} times, {all_ms:.1} ms in all, {most_ms:.2} ms at once",
+            core.len()
+        );
+    }
     let mut between: Vec<f64> = blocks.windows(2).map(|pair| pair[1].asked_s - pair[0].asked_s).collect();
     between.sort_by(f64::total_cmp);
     let part = |sorted: &[f64], part: f64| {

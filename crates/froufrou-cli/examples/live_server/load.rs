@@ -108,8 +108,10 @@ impl Pairs {
     /// Tells of the step that ends at a time. What there is no room for is counted by the handle.
     pub fn tell(&self, handle: &mut Handle, time_s: f64) {
         for (n, stone) in self.stones.iter().enumerate() {
-            let turn = TAU * (0.2 * time_s + n as f64 / self.stones.len() as f64);
+            // What touches moves with the stone, as it does where one slides and does not roll.
+            let speed_mps = 0.3 + 0.5 * (n as f64 * 0.618).fract();
             let radius_m = 2.0 + 0.02 * n as f64;
+            let turn = TAU * n as f64 / self.stones.len() as f64 + speed_mps / radius_m * time_s;
             let row = ContactRow {
                 time_s,
                 a: 0,
@@ -118,7 +120,7 @@ impl Pairs {
                 push: Push::Force(5.0 + (n % 7) as f64),
                 normal: Some([0.0, 1.0, 0.0]),
                 normal_velocity_mps: None,
-                sliding_mps: Some(0.3 + 0.5 * (n as f64 * 0.618).fract()),
+                sliding_mps: Some(speed_mps),
                 line: 0,
             };
             let _ = handle.contact([*stone, self.floor], &row);

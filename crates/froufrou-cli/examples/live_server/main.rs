@@ -1,11 +1,13 @@
 //! A loaded live engine through a real sound server, held against what the server played.
 //!
 //!     live_server play FOLDER --seconds 30 --block 128
+//!     live_server watch FOLDER/watch-0.csv
 //!     live_server compare FOLDER
 //!
 //! `play` lets 300 contacts, a cloth of 5041 vertices and a sheet of paper sound at once through the default device, and writes what
-//! the device was given (`given.f32`), and when (`blocks.csv`). `compare` looks for it in a recording of the same device
-//! (`recorded.f32`) and tells where that has gaps, and why. `oracles/live_server.sh` starts a server, records it and runs both.
+//! the device was given (`given.f32`), and when (`blocks.csv`). Beside it `watch`, on a core of its own and more urgent than all
+//! else, writes when that core stood still. `compare` looks for what was given in a recording of the same device
+//! (`recorded.f32`) and tells where that has gaps, and why. `oracles/live_server.sh` starts a server, records it and runs all.
 
 #[allow(dead_code)] // The command uses more of it.
 #[path = "../../src/play/device.rs"]
@@ -13,6 +15,7 @@ mod device;
 
 mod compare;
 mod load;
+mod watch;
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -48,6 +51,8 @@ enum Command {
         #[arg(long, default_value_t = 0.05)]
         ahead: f64,
     },
+    /// Write when the core that it runs on stands still, until it is stopped
+    Watch { file: PathBuf },
     /// Hold a recording against it
     Compare { folder: PathBuf },
 }
@@ -94,6 +99,7 @@ fn main() -> Result<()> {
         Command::Play { folder, seconds, block, contacts, ahead } => {
             play(&folder, seconds, block, contacts, ahead)
         }
+        Command::Watch { file } => watch::watch(&file),
         Command::Compare { folder } => compare::compare(&folder),
     }
 }
@@ -113,10 +119,10 @@ fn play(folder: &Path, seconds: f64, block_frames: u32, contacts: usize, ahead_s
     let (samples, given) = rtrb::RingBuffer::new(RATE_HZ as usize * CHANNELS * 4);
     let (blocks, asked) = rtrb::RingBuffer::new(1 << 14);
     let is_over = Arc::new(AtomicBool::new(false));
-    let opened = Instant::now();
+    let (opened, epoch) = (Instant::now(), watch::now()?);
     let writer = {
         let (folder, is_over) = (folder.to_owned(), is_over.clone());
-        std::thread::spawn(move || write(&folder, given, asked, &is_over))
+        std::thread::spawn(move || write(&folder, given, asked, epoch, &is_over))
     };
     let home = Home::new();
     let playing =
@@ -128,7 +134,7 @@ fn play(folder: &Path, seconds: f64, block_frames: u32, contacts: usize, ahead_s
     }
     let begun = Instant::now();
     let frames = (seconds * 60.0) as u32;
-    let (mut last, mut told) = (handle.statistics(), (0.0f64, 0));
+    let (mut last, mut most_load, mut threads) = (handle.statistics(), 0.0f64, Vec::new());
     for frame in 1..=frames {
         let time_s = f64::from(frame) / 60.0;
         pairs.tell(&mut handle, time_s);
@@ -137,7 +143,8 @@ fn play(folder: &Path, seconds: f64, block_frames: u32, contacts: usize, ahead_s
             return Err(fault);
         }
         let now = handle.statistics();
-        told = (told.0.max(f64::from(now.load)), told.1.max(now.threads));
+        most_load = most_load.max(f64::from(now.load));
+        threads.push(now.threads);
         if now.held != last.held || now.skipped_frames != last.skipped_frames {
             println!(
                 "at {time_s:.2} s of the score: held {} times, {} frames; {} frames left out",
@@ -160,13 +167,18 @@ fn play(folder: &Path, seconds: f64, block_frames: u32, contacts: usize, ahead_s
     drop(playing);
     writer.join().map_err(|_| Error::new("writing has failed"))??;
     println!("{statistics:?}\n{left:?}");
+    threads.sort_unstable();
+    let part = |part: usize| threads.get(part * threads.len() / 100).copied().unwrap_or(0);
     println!(
-        "at most {} threads at once; {} of {} blocks took longer than they sound, the slowest {:.2} times as long, {:.0} % on average at most",
-        told.1,
+        "threads at once: {} at most, {} in the median, {} in one of twenty moments at most; {} of {} blocks took longer than they \
+         sound, the slowest {:.2} times as long, {:.0} % on average at most",
+        threads.last().copied().unwrap_or(0),
+        part(50),
+        part(5),
         statistics.late_blocks,
         statistics.blocks,
         statistics.peak_load,
-        100.0 * told.0
+        100.0 * most_load
     );
     Ok(())
 }
@@ -176,6 +188,7 @@ fn write(
     folder: &Path,
     mut given: rtrb::Consumer<f32>,
     mut asked: rtrb::Consumer<Block>,
+    epoch: Duration,
     is_over: &AtomicBool,
 ) -> Result<()> {
     let create = |name: &str| {
@@ -194,6 +207,7 @@ fn write(
         }
         while let Ok(Block { asked, took, frames: count }) = asked.pop() {
             frames += u64::from(count);
+            let asked = epoch + asked;
             writeln!(blocks, "{},{},{count}", asked.as_micros(), took.as_micros()).map_err(failed)?;
         }
         if ends {

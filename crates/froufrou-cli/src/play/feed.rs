@@ -234,9 +234,9 @@ struct Met {
 }
 
 impl Met {
-    /// Looks whether an engine has met one. It keeps no more than one until somebody looks.
+    /// Looks whether an engine has met some. It keeps a few until somebody looks.
     fn look(&mut self, handle: &mut Handle) {
-        if let Some(fault) = handle.take_fault() {
+        while let Some(fault) = handle.take_fault() {
             self.fault(fault);
         }
     }
