@@ -262,6 +262,13 @@ fn a_leap_in_time_is_written_up_to_an_hour() {
         assert!(said.contains(expected), "{expected}:\n{said}");
     }
     assert!(studio.sound("strange.wav") == studio.sound("good.wav"), "what is left out changes nothing");
+    // Nor does what happens before time has gone on to it.
+    let said = studio.said(&format!("play scene.toml --feed - {FILE} early.wav"), &(hit("100") + &feed));
+    assert!(
+        said.contains("<stdin>:1: it is more than a second ahead of the time that was told last"),
+        "{said}"
+    );
+    assert!(studio.sound("early.wav") == studio.sound("good.wav"));
     // What can be is written in full.
     let leap = format!(
         "{}{{\"advance\":0.2}}\n{{\"advance\":20}}\n{}{{\"advance\":20.2}}\n",

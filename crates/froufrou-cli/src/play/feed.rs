@@ -252,11 +252,11 @@ impl Met {
     }
 }
 
-/// Why nothing can happen at a time after another, if it cannot.
-fn leap(from_s: f64, to_s: f64) -> Option<Error> {
+/// Why nothing can happen at a time after another, or so late, if it cannot.
+fn leap(from_s: f64, to_s: f64, latest_s: f64) -> Option<Error> {
     let help = "times are seconds since what happens began";
-    if to_s > LATEST_S {
-        let what = format!("{to_s} s is too late, {LATEST_S} s is the latest");
+    if to_s > latest_s {
+        let what = format!("{to_s} s is too late, {latest_s} s is the latest");
         return Some(Error::new(what).help(help));
     }
     (to_s - from_s > LONGEST_LEAP_S).then(|| {
@@ -279,6 +279,16 @@ trait Ear {
 
     /// Nobody tells any more: from now on there is time to wait.
     fn calm_down(&mut self);
+
+    /// Whether who tells cannot wait: time goes on as it is told, by whatever clock.
+    fn is_live(&self) -> bool {
+        false
+    }
+}
+
+/// What is played, by the clock of who tells, in seconds.
+fn played_s(handle: &Handle, rate_hz: f64) -> f64 {
+    handle.statistics().played_frame as f64 / rate_hz + handle.skipped_s()
 }
 
 /// Lets time go on to one that is told, in steps where no contact was told since. Gives why it cannot.
@@ -288,7 +298,7 @@ fn go_on(
     met: &mut Met,
     [from_s, contact_s, to_s]: [f64; 3],
 ) -> Result<Option<Refused>> {
-    let steps = ((to_s - from_s) / LONGEST_STEP_S).ceil().max(1.0) as u64;
+    let steps = if ear.is_live() { 1 } else { ((to_s - from_s) / LONGEST_STEP_S).ceil().max(1.0) as u64 };
     let between =
         (1..steps).map(|n| from_s + n as f64 * LONGEST_STEP_S).filter(|time_s| *time_s >= contact_s);
     for time_s in between.chain([to_s]) {
@@ -309,10 +319,14 @@ fn go_on(
 fn tell(mut feed: Feed, handle: &mut Handle, ear: &mut impl Ear, rest_s: f64, rate_hz: f64) -> Result<Feed> {
     let mut opening = std::mem::take(&mut feed.opening).into_iter();
     let (mut told_s, mut contact_s, mut time_s) = (0.0f64, 0.0f64, 0.0f64);
+    let mut has_begun = false;
     while handle.is_running() {
         let Some((place, line)) = opening.next().or_else(|| feed.read()) else { break };
         ear.make_room(handle)?;
-        let leap = line.as_ref().ok().and_then(|line| leap(time_s, line.time_s()));
+        let begins = ear.is_live() && !has_begun;
+        let latest_s = LATEST_S + handle.skipped_s();
+        let checked = line.as_ref().ok().filter(|_| !begins);
+        let leap = checked.and_then(|line| leap(time_s, line.time_s(), latest_s));
         feed.leaps += u64::from(leap.is_some());
         let fault = match &line {
             Ok(_) if leap.is_some() => leap,
@@ -336,10 +350,12 @@ fn tell(mut feed: Feed, handle: &mut Handle, ear: &mut impl Ear, rest_s: f64, ra
                     None => fault,
                 }),
             },
-            Err(_) => line.err(),
+            Err(_) => None,
         };
-        if let Some(fault) = fault {
-            feed.fault(&fault.in_file(feed.name.clone()).at(place));
+        match (fault, line) {
+            (None, Err(fault)) | (Some(fault), _) => feed.fault(&fault.in_file(feed.name.clone()).at(place)),
+            (None, Ok(line)) if begins => (has_begun, time_s) = (true, time_s.max(line.time_s())),
+            _ => {}
         }
         feed.met.look(handle);
     }
@@ -353,9 +369,8 @@ fn tell(mut feed: Feed, handle: &mut Handle, ear: &mut impl Ear, rest_s: f64, ra
         if let Some(why) = go_on(handle, ear, &mut feed.met, [now_s - REST_STEP_S, contact_s, now_s])? {
             return Err(why.fault());
         }
-        let statistics = handle.statistics();
-        let played_s = statistics.played_frame as f64 / rate_hz;
-        if statistics.peak > SILENCE {
+        let played_s = played_s(handle, rate_hz);
+        if handle.statistics().peak > SILENCE {
             loud_s = loud_s.max(played_s);
         }
         if played_s > (loud_s + SILENT_S).min(end_s + rest_s) {
@@ -493,8 +508,7 @@ mod at_device {
         }
 
         fn await_time(&mut self, handle: &Handle, time_s: f64) {
-            let played_s = || handle.statistics().played_frame as f64 / self.rate_hz;
-            while self.waits && time_s - played_s() > self.lead_s && handle.is_running() {
+            while self.waits && time_s - played_s(handle, self.rate_hz) > self.lead_s && handle.is_running() {
                 std::thread::sleep(NAP);
             }
         }
@@ -505,6 +519,10 @@ mod at_device {
 
         fn calm_down(&mut self) {
             self.waits = true;
+        }
+
+        fn is_live(&self) -> bool {
+            !self.waits
         }
     }
 
@@ -580,7 +598,110 @@ mod at_device {
 
 #[cfg(test)]
 mod tests {
+    use clap::Parser;
+
     use super::*;
+
+    #[derive(Parser)]
+    struct Command {
+        #[command(flatten)]
+        play: Play,
+    }
+
+    /// Who hears what is told, as it is told by any clock or from the beginning on.
+    struct Hearing {
+        capture: Capture,
+        is_live: bool,
+        /// The first frame that is heard, of those that there are.
+        first: Option<usize>,
+        frames: usize,
+    }
+
+    impl Ear for Hearing {
+        fn make_room(&mut self, _: &mut Handle) -> Result<()> {
+            Ok(())
+        }
+
+        fn await_time(&mut self, _: &Handle, _: f64) {}
+
+        fn hear(&mut self, handle: &mut Handle) -> Result<()> {
+            let Self { capture, first, frames, .. } = self;
+            let channels = capture.channels();
+            capture.take(handle, |piece| {
+                let loud = piece.iter().position(|sample| sample.abs() > 1e-6);
+                *first = first.or(loud.map(|at| *frames + at / channels));
+                *frames += piece.len() / channels;
+                Ok(())
+            })
+        }
+
+        fn calm_down(&mut self) {}
+
+        fn is_live(&self) -> bool {
+            self.is_live
+        }
+    }
+
+    /// A stone slides from half a second behind the first time on. Gives how many lines were left out, the first frame that is
+    /// heard, and how many there are.
+    fn slid(begin_s: f64, is_live: bool) -> (u64, Option<usize>, usize) {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            path
+        };
+        let scene = file(
+            "scene.toml",
+            "[listener]\nposition = [0, 1, 1]\nlayout = 'mono'\n[instrument]\nsqueak = { kind = 'stick-slip' }\n\
+             [material.stone]\nslide = { instrument = 'squeak' }\n[[object]]\nname = 'stone'\nmaterial = 'stone'\n",
+        );
+        let mut text = format!("{{\"advance\":{begin_s}}}\n");
+        for frame in 1..=60u32 {
+            let time_s = begin_s + f64::from(frame) / 60.0;
+            let contact = "\"contact\":[\"stone\",\"floor\"],\"force\":5,\"normal\":[0,1,0],\"sliding\":0.4";
+            if frame > 30 {
+                let x = 0.4 * f64::from(frame) / 60.0;
+                text += &format!("{{\"t\":{time_s},{contact},\"position\":[{x},0,0]}}\n");
+            }
+            text += &format!("{{\"advance\":{time_s}}}\n");
+        }
+        let feed = file("feed.jsonl", &text);
+        let line = ["play".as_ref(), scene.as_os_str(), "--feed".as_ref(), feed.as_os_str()];
+        let Command { play } = Command::parse_from(line);
+        let scene = play.scene.open().unwrap();
+        let feed = Feed::open(&feed, &play.feed).unwrap();
+        let settings = Capture::unhurried(feed.settings(&play, &scene, 48_000));
+        let begins_s = settings.begins_s.filter(|_| !is_live);
+        let (mut handle, player) = feed.start(&play, scene, EngineSettings { begins_s, ..settings }).unwrap();
+        let mut ear = Hearing { capture: Capture::new(player), is_live, first: None, frames: 0 };
+        let feed = tell(feed, &mut handle, &mut ear, 1.0, 48_000.0).unwrap();
+        (feed.faults, ear.first, ear.frames)
+    }
+
+    #[test]
+    fn who_tells_as_it_happens_may_have_any_clock() {
+        let (faults, first, frames) = slid(0.0, true);
+        let first = first.unwrap();
+        assert!(faults == 0 && (24_000..27_000).contains(&first) && frames < 120_000, "{first} {frames}");
+        for begin_s in [0.9, 300.0, 3e6, 1.8e9] {
+            let (faults, found, frames) = slid(begin_s, true);
+            // Where it begins within the first second the scene began before.
+            let late = if begin_s < 1.0 { (begin_s * 48_000.0) as usize } else { 0 };
+            assert!(faults == 0 && found.is_some(), "{begin_s}: {faults} faults, {found:?} of {frames}");
+            let found = found.unwrap();
+            // A moment of what slides begins with a whole number of them.
+            assert!(found.abs_diff(first + late) < 1_000, "{begin_s}: {found}, not {first}");
+            assert!(faults == 0 && frames < late + 120_000, "{begin_s}: {frames} frames");
+        }
+    }
+
+    #[test]
+    fn a_file_begins_at_time_0() {
+        let (faults, first, frames) = slid(20.0, false);
+        assert!(faults == 0 && (984_000..987_000).contains(&first.unwrap()), "{first:?}");
+        assert!(frames > 1_000_000);
+    }
 
     #[test]
     fn of_each_kind_of_fault_the_first_is_told_and_no_more_than_a_few() {

@@ -36,7 +36,7 @@ pub struct Capture {
 
 impl Capture {
     /// Settings under which nothing is left out, as long as time is told once a second: all sounds are loaded before it
-    /// begins.
+    /// begins, which is at time 0.
     #[must_use]
     pub fn unhurried(settings: EngineSettings) -> EngineSettings {
         EngineSettings {
@@ -44,6 +44,7 @@ impl Capture {
             budget: f32::INFINITY,
             catches_up: false,
             loads_behind: false,
+            begins_s: Some(settings.begins_s.unwrap_or(0.0)),
             ..settings
         }
     }

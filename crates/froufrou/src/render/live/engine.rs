@@ -53,6 +53,9 @@ pub struct EngineSettings {
     pub meshes: Vec<String>,
     /// Whether the listener is moved.
     pub moves_listener: bool,
+    /// What the game's clock says when the scene begins, in seconds. `None`: the first time that is told, or 0 where that is
+    /// within the first second.
+    pub begins_s: Option<f64>,
     /// Whether recordings and corpora are loaded while the engine runs, on a thread of their own: it begins at once, and what is
     /// not there yet is silent. Without that all is there when it begins.
     pub loads_behind: bool,
@@ -73,6 +76,7 @@ impl Default for EngineSettings {
             movers: Vec::new(),
             meshes: Vec::new(),
             moves_listener: false,
+            begins_s: None,
             loads_behind: false,
         }
     }
@@ -107,7 +111,7 @@ pub fn start(scene: Scene, settings: EngineSettings) -> Result<(Handle, Player)>
         let _ = worker.join();
         return Err(wires.faults.take().unwrap_or_else(|| Error::new("the worker ended")));
     };
-    let mut handle = handle(told, ends, wires);
+    let mut handle = handle(told, ends, wires, settings.begins_s);
     (handle.worker, handle.counters) = (Some(worker), player.counters.clone());
     Ok((handle, player))
 }
@@ -157,7 +161,7 @@ pub fn replay<T>(
     let wires = Wires::default();
     let chain = Chain::open(scene, &settings)?;
     let (mut mixer, header, ends) = chain.mixer(&settings, coming, &wires)?;
-    let mut handle = handle(told, ends, wires.clone());
+    let mut handle = handle(told, ends, wires.clone(), settings.begins_s);
     handle.waits = true;
     std::thread::scope(|scope| {
         // Its end, with the handle, is that of what is told.
@@ -183,6 +187,7 @@ impl EngineSettings {
             ("contact_step_s", self.contact_step_s, [1e-4, 1.0]),
             ("key_step_s", self.key_step_s, [1e-4, 1.0]),
             ("room", self.room as f64, [16.0, f64::from(1 << 24)]),
+            ("begins_s", self.begins_s.unwrap_or(0.0), [-1e12, 1e12]),
         ] {
             if !(least..=most).contains(&value) {
                 return Err(Error::new(format!("`{name}` is {value}, expected {least} to {most}")));
@@ -205,7 +210,7 @@ struct Ends {
     latency: Latency,
 }
 
-fn handle(told: rtrb::Producer<Told>, ends: Ends, wires: Wires) -> Handle {
+fn handle(told: rtrb::Producer<Told>, ends: Ends, wires: Wires, begins_s: Option<f64>) -> Handle {
     let Ends { movers, listener, objects, materials, latency } = ends;
     Handle {
         told,
@@ -218,7 +223,8 @@ fn handle(told: rtrb::Producer<Told>, ends: Ends, wires: Wires) -> Handle {
         materials: materials.into_iter().collect(),
         known_s: None,
         contact_s: 0.0,
-        skipped_s: 0.0,
+        may_begin_late: begins_s.is_none(),
+        skipped_s: begins_s.unwrap_or(0.0),
         leapt_from_s: None,
         owed_s: None,
         rows: 0,

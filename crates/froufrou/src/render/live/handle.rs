@@ -127,7 +127,9 @@ pub struct Handle {
     /// Nothing may be told that is not later.
     pub(super) known_s: Option<f64>,
     pub(super) contact_s: f64,
-    /// So much of the game's time was left out: see [`Handle::advance`].
+    /// Whether the first time that is told may be that with which the scene begins.
+    pub(super) may_begin_late: bool,
+    /// So much of the game's time was left out: see [`Handle::skipped_s`].
     pub(super) skipped_s: f64,
     /// What time the game had before its clock leapt last.
     pub(super) leapt_from_s: Option<f64>,
@@ -472,7 +474,7 @@ impl Handle {
     /// Says that all that happens up to a time has been told, which is not before that of the last contact. What was not
     /// told to move since has stood still. Where time leaps ahead by more than a second, what is more than that is left out: to
     /// the ear it is a second. A clock that leapt by mistake and comes back goes on. Where the first time that is told is beyond
-    /// the first second, the scene begins with it.
+    /// the first second, the scene begins with it, unless [`EngineSettings::begins_s`](super::EngineSettings::begins_s) says when.
     ///
     /// # Errors
     /// A time that is earlier than before, or is none. Where there is no room it is said again with the next.
@@ -510,7 +512,8 @@ impl Handle {
 
     /// A clock need not begin at 0.
     fn begin(&mut self, time_s: f64) {
-        if self.known_s.is_none() && self.leapt_from_s.is_none() && time_s > FARTHEST_AHEAD_S {
+        if self.may_begin_late && self.known_s.is_none() && time_s > FARTHEST_AHEAD_S {
+            self.may_begin_late = false;
             (self.skipped_s, self.leapt_from_s) = (time_s, Some(0.0));
         }
     }
@@ -595,6 +598,12 @@ impl Handle {
     /// How much more can be told before the worker takes some.
     pub fn room(&self) -> usize {
         self.told.slots()
+    }
+
+    /// By so many seconds the game's clock is ahead of the time of the scene, by which frames are counted: what it said when the
+    /// scene began, and where it leapt since, what was left out of that.
+    pub fn skipped_s(&self) -> f64 {
+        self.skipped_s
     }
 
     /// Whether the worker has made all that it can of what was told, and waits for more.

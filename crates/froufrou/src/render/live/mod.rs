@@ -256,6 +256,7 @@ where
         held: None,
         joined: None,
         has_begun: false,
+        passed_over: 0,
         slice_frames,
         slices_before,
         most_slices,

@@ -18,6 +18,9 @@ pub(super) const PIECE_FRAMES: usize = 256;
 /// For so long sounds go on as they were where what comes next is late, in seconds. Then they fade.
 pub(super) const HOLD_S: f64 = 0.2;
 
+/// Before anything is played so much of what was told is left out at most, in seconds, because the worker is behind it.
+const LONGEST_WAIT_S: f64 = 5.0;
+
 /// Over so long what went on and what comes next are faded into each other, in seconds.
 pub(super) const JOIN_S: f64 = 0.01;
 
@@ -36,6 +39,8 @@ pub struct Player {
     pub(super) joined: Option<usize>,
     /// Whether anything has been played yet.
     pub(super) has_begun: bool,
+    /// How many slices were passed over before that.
+    pub(super) passed_over: usize,
     /// The length of a slice; the last one may be shorter.
     pub(super) slice_frames: usize,
     /// So many slices are there before it begins, or begins again.
@@ -218,6 +223,9 @@ impl Player {
                     self.begin_again();
                 }
             }
+        } else if self.has_to_wait(there) {
+            self.passed_over += there - self.slices_before;
+            self.skip(there - self.slices_before);
         } else if there >= self.slices_before && (self.is_all() || there > self.most_slices)
             || there > 0 && end != 0
         {
@@ -231,6 +239,13 @@ impl Player {
         } else if there == 0 && end != 0 && self.frame + 1 >= end {
             self.counters.is_over.store(true, Relaxed);
         }
+    }
+
+    /// Whether the worker is still behind what was told before anything is played, with so many slices there: who begins now has
+    /// to leave some out again and again until it is not. But it may have more to do than it can.
+    fn has_to_wait(&self, there: usize) -> bool {
+        let longest = (LONGEST_WAIT_S * self.rate_hz) as usize / self.slice_frames;
+        !self.has_begun && there > self.most_slices && !self.is_all() && self.passed_over < longest
     }
 
     /// Whether more comes only with what is told next: who begins in the midst of what comes would be later than it need be.
