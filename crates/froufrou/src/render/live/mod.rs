@@ -27,7 +27,9 @@
 //! what comes next, the chain waits (the worker does, and no one else). [`Handle::advance`] lets it go on:
 //! [`Event::Quiet`](crate::motion::event::Event::Quiet) tells the composer that nothing more comes before a time, and a thread
 //! that is silent ([`PULSE`](super::production::PULSE)) has a key every few milliseconds, so that every stage has a next line. The
-//! same feed rendered as a file is ([`replay`]) gives the same samples.
+//! same feed rendered as a file is ([`replay`]) gives the same samples. The worker has helpers of its own for what can be done side
+//! by side; what moves in the scene by itself is looked at a little ahead by other threads, for a frame of a large cloth takes longer
+//! than what is told may wait.
 //!
 //! **Nothing is foreseen of what is told.** To files the engine knows the future: a way is smooth through the next key, a grain begins
 //! before its impact, a blow is summed over its steps. Told as it happens, all that would be latency. So keys are dense, and a way
