@@ -267,6 +267,27 @@ fn what_is_close_by_is_the_same_in_whatever_slices_it_is_made() {
 }
 
 #[test]
+fn what_was_told_before_anything_is_played_is_passed_over_at_once() {
+    let studio = Studio::new();
+    let (mut handle, mut player) = live::start(scene(&studio, STEREO), settings()).unwrap();
+    // Three seconds pass before a device asks for the first time.
+    (1..=180).for_each(|frame| tell(&mut handle, frame));
+    let mut block = vec![0.0; 2 * 128];
+    let first = (0..1_000_000).find_map(|_| {
+        player.fill(&mut block);
+        let played = handle.statistics().played_frame;
+        std::thread::yield_now();
+        (played > 0).then(|| played - 128)
+    });
+    // What comes is the newest, but for what has to be there beforehand, and nothing is left out of it later.
+    let first_s = first.unwrap() as f64 / f64::from(RATE_HZ);
+    assert!((2.8..3.0).contains(&first_s), "it begins with {first_s} s");
+    player.fill(&mut block);
+    let statistics = handle.statistics();
+    assert_eq!((statistics.skipped_frames, statistics.held), (0, 0));
+}
+
+#[test]
 fn a_games_clock_may_begin_late_and_leap_by_mistake() {
     let studio = Studio::new();
     let late = |handle: &mut Handle, frame: u32| tell_from(handle, frame, 1e5);
