@@ -21,7 +21,7 @@ fn main() {
 }
 
 /// Voices that circle, with 60 keys a second; still ones have keys, too.
-fn lines(voices: u64, output: &Output, moves: bool) -> Vec<ChannelLine> {
+fn lines(voices: u64, output: &Output, moves: bool, is_recorded: bool) -> Vec<ChannelLine> {
     let has_places = matches!(output, Output::Head { .. });
     let mut lines = Vec::new();
     for key in 0..=90u64 {
@@ -32,8 +32,10 @@ fn lines(voices: u64, output: &Output, moves: bool) -> Vec<ChannelLine> {
             let angle = phase + moved_s * (0.3 + (thread % 7) as f64);
             let distance_m = 3.0 + 2.0 * (phase * 1.7 + moved_s).sin();
             let from_m = [distance_m * angle.sin(), (phase * 2.3).sin(), distance_m * angle.cos()];
+            // What is synthesised has no beginning to be away from.
+            let offset_s = if is_recorded { thread as f64 * 0.001 } else { 0.0 };
             let verb = match key {
-                0 => Verb::Start(Start { offset_s: thread as f64 * 0.001, ..Start::new("noise") }),
+                0 => Verb::Start(Start { offset_s, ..Start::new("noise") }),
                 90 => Verb::End,
                 _ => Verb::Key,
             };
@@ -79,7 +81,7 @@ fn fill(bencher: Bencher, voices: u64, output: Output, moves: bool, block: usize
 }
 
 fn play(bencher: Bencher, sound: Sounding, voices: u64, output: Output, moves: bool, block: usize) {
-    let lines = lines(voices, &output, moves);
+    let lines = lines(voices, &output, moves, matches!(sound, Sounding::Recording(_)));
     let inputs = || player(&output, &lines, sound.clone());
     bencher.counter(ItemsCount::new(voices)).with_inputs(inputs).bench_local_values(|mut player| {
         let mut samples = vec![0.0; block * player.channels()];
