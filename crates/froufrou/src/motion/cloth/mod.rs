@@ -302,7 +302,8 @@ impl Analyser {
         Ok(())
     }
 
-    /// Nothing that is still to be told happens before this, in seconds.
+    /// Nothing that is still to be told happens before this, in seconds: −∞ before the first frame of a cloth, ∞ where there is
+    /// none.
     pub fn settled_s(&self) -> f64 {
         self.cloths.iter().map(Cloth::settled_s).fold(f64::INFINITY, f64::min)
     }

@@ -435,7 +435,8 @@ impl Analyser {
         self.ready.pop_front()
     }
 
-    /// Nothing that is still to be told happens before this, in seconds.
+    /// Nothing that is still to be told happens before this, in seconds: the time of the last frame, −∞ before the
+    /// first.
     pub fn settled_s(&self) -> f64 {
         self.meshes.last_s().unwrap_or(f64::NEG_INFINITY)
     }

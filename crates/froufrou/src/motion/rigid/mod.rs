@@ -150,7 +150,8 @@ impl Analyser {
         self.found.pop_front()
     }
 
-    /// Nothing that is still to be told happens before this, in seconds.
+    /// Nothing that is still to be told happens before this, in seconds: the time of a
+    /// frame, −∞ before two intervals are followed through.
     pub fn settled_s(&self) -> f64 {
         self.next.checked_sub(1).and_then(|frame| self.time_s(frame)).unwrap_or(f64::NEG_INFINITY)
     }

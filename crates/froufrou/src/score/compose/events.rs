@@ -30,7 +30,7 @@ impl Events {
         let happens = |event: &Result<Event>| !matches!(event, Ok(Event::Quiet(_)));
         let moved =
             moved(scene, world)?.into_iter().map(|source| Box::new(source.filter(happens)) as EventSource);
-        Ok(Self { sources: logged(scene, world)?.into_iter().chain(moved).map(Iterator::peekable).collect() })
+        Ok(Self::of(logged(scene, world)?.into_iter().chain(moved)))
     }
 
     /// The same for who cannot wait: how objects move is looked at on threads of their own, a little ahead of what is asked
@@ -40,7 +40,11 @@ impl Events {
     /// As [`Events::open`]; no thread.
     pub(crate) fn looking_ahead(scene: &Scene, world: &World) -> Result<Self> {
         let moved = moved(scene, world)?.into_iter().map(ahead).collect::<Result<Vec<_>>>()?;
-        Ok(Self { sources: logged(scene, world)?.into_iter().chain(moved).map(Iterator::peekable).collect() })
+        Ok(Self::of(logged(scene, world)?.into_iter().chain(moved)))
+    }
+
+    fn of(sources: impl Iterator<Item = EventSource>) -> Self {
+        Self { sources: sources.map(Iterator::peekable).collect() }
     }
 
     /// The same, and what is told besides, in order of time.
