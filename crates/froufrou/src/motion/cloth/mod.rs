@@ -302,8 +302,8 @@ impl Analyser {
         Ok(())
     }
 
-    /// Nothing that is still to be told happens before this, in seconds: −∞ before the first frame of a cloth, ∞ where there is
-    /// none.
+    /// Nothing that is still to be told of the cloths that are looked at happens before this, in seconds; −∞ where nothing of one
+    /// is settled yet, ∞ where none is looked at, as before the first frame.
     pub fn settled_s(&self) -> f64 {
         self.cloths.iter().map(Cloth::settled_s).fold(f64::INFINITY, f64::min)
     }
